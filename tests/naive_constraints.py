@@ -17,7 +17,7 @@ import numpy as np
 
 from fastbeam.kernels.joints.coordinates import LINE, NO_SWING, SWING
 from fastbeam.model.contact.sleeve_conditions import CONDITIONS, Section, sections
-from fastbeam.model.joints.constraints import Distance, KeptLink, Together
+from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, Together
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.joints.tables import Conditions
 from fastbeam.model.mapping import shapes_at
@@ -319,7 +319,7 @@ class StaticContacts:
             at += m
         return np.concatenate(out)
 
-    def _within(self, link: KeptLink) -> Array:
+    def _within(self, link: ConstrainedJoint) -> Array:
         """What the equations take of the conditions of a joint, [m, m in space]."""
         return np.eye(link.forces(3)) if self.axes is None else link.law.within(self.axes)
 
@@ -365,7 +365,7 @@ class StaticContacts:
         x = q.reshape(-1, 4, 3)
         turning: list[tuple[int, Array]] = []
         for link, part in zip(self.model.kept, self._parts(force[own:])):
-            for node, by_v, by_spin in link.by_motion(x[list(link.node)]):
+            for node, by_v, by_spin in link.by_velocities(x[list(link.node)]):
                 of_node[node] += by_v.T @ part
                 turning.append((int(root_of[node]), by_spin.T @ part))
         if flat:
@@ -413,7 +413,7 @@ def largest_gap(model: Model, q: Array) -> float:
     return max(float(np.max(np.abs(gap_of(link.law, x[list(link.node)], start[list(link.node)])))) for link in model.kept)
 
 
-def gap_matrix(kept: list[KeptLink], q: Array) -> Any:
+def gap_matrix(kept: list[ConstrainedJoint], q: Array) -> Any:
     """Derivative of all gaps [m, 12 N] by the coordinates, sparse, at coordinates q [N, 4, 3]."""
     from scipy import sparse
     rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]

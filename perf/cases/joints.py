@@ -95,7 +95,7 @@ def grid(n: int) -> Any:
 def measure(scene: Any, joints: int, planar: bool) -> tuple[float, float, float, float]:
     """Compile time, iterations a step, seconds an iteration and joint, largest gap."""
     import fastbeam as fb
-    from fastbeam.model.gap_rows import GapRows
+    from fastbeam.model.gap_rows import ConstraintGaps
     from perf.places import private
     Stepper = private("newton", "Stepper")
     begin = time.process_time()
@@ -107,7 +107,7 @@ def measure(scene: Any, joints: int, planar: bool) -> tuple[float, float, float,
     done = stepper.advance(0.0, STEP, STEPS, 2)
     seconds = time.process_time() - begin
     assert done.status == 0, done
-    gap = float(np.max(np.abs(GapRows(model).values(stepper.state.q, stepper.state.s)[0])))
+    gap = float(np.max(np.abs(ConstraintGaps(model).values(stepper.state.q, stepper.state.s)[0])))
     return compiled, done.iterations / STEPS, seconds / done.iterations / joints, gap
 
 

@@ -33,7 +33,7 @@ def matrices(model: fb.Model, state: State | None = None) -> tuple[Array, Array,
     row = model.pattern.row_of
     free = np.ones((n, 6), bool)
     free[row[model.numbers.rank == 9], 3:] = False
-    np.logical_and.at(free, row, (model.held_mask[:, None] >> np.arange(6)) & 1 == 0)
+    np.logical_and.at(free, row, (model.fixed_mask[:, None] >> np.arange(6)) & 1 == 0)
     keep = np.flatnonzero(free)
     stiffness, mass = (0.5 * (x + x.T)[np.ix_(keep, keep)] for x in (stiffness, mass))
     return stiffness, mass, keep % 6

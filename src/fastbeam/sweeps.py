@@ -422,20 +422,20 @@ def _rows(job: Job, todo: list[tuple[int, dict[str, Any]]], executor: Executor |
     if n <= 1:
         yield from (job(k, case) for k, case in todo)
         return
-    rest = iter(todo)
+    pending = iter(todo)
     if len(todo) >= MANY * n:
         # forks have what this process has: kernels are compiled, and loaded, once for all
-        yield job(*next(rest))
+        yield job(*next(pending))
     with _pool(job, n) as pool:
-        yield from _through(pool, _KEPT if _forks() else job, list(rest), n)
+        yield from _through(pool, _INHERITED if _forks() else job, list(pending), n)
 
 
 def _through(executor: Executor, job: Any, todo: list[tuple[int, dict[str, Any]]], n: int) -> Iterator[Row]:
     waiting: set[Future[Row]] = set()
-    rest = iter(todo)
+    pending = iter(todo)
     try:
         while True:
-            for k, case in itertools.islice(rest, AHEAD * n - len(waiting)):
+            for k, case in itertools.islice(pending, AHEAD * n - len(waiting)):
                 with warnings.catch_warnings():
                     # native threads of MKL wait for work, nothing else; newer Pythons warn of any
                     warnings.simplefilter("ignore", DeprecationWarning)
@@ -453,7 +453,7 @@ def _through(executor: Executor, job: Any, todo: list[tuple[int, dict[str, Any]]
             future.cancel()
 
 
-class _Kept:
+class _InheritedJob:
     """The job that forks inherit, so that nothing but cases goes to them."""
 
     job: Job | None = None
@@ -466,7 +466,7 @@ class _Kept:
         return "_KEPT"
 
 
-_KEPT = _Kept()
+_INHERITED = _InheritedJob()
 
 
 def _begin(job: Job | None, threads: int, parent: int) -> None:
@@ -477,7 +477,7 @@ def _begin(job: Job | None, threads: int, parent: int) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["FASTBEAM_THREADS"] = str(threads)
     if job is not None:
-        _KEPT.job = job
+        _INHERITED.job = job
 
 
 def _end_with(parent: int) -> None:

@@ -354,7 +354,7 @@ def trial(model: Model, flat: Assembled, space: Assembled, at_rest: bool) -> Non
     """The same trial step for both: deformed, moving, with open gaps and contact forces, nothing small."""
     rng = np.random.default_rng(4)
     core, found = flat.model, model.plane
-    held = model.held_mask
+    held = model.fixed_mask
     tied = np.zeros(model.n_nodes, dtype=bool)
     tied[model.ties.slave] = True
 

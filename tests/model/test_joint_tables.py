@@ -60,7 +60,7 @@ def test_conditions_are_met_at_the_start_and_their_derivatives_are_those_of_diff
         force = rng.standard_normal(len(slope))
         bent = np.einsum("m,msic->sic", force, law.lead(y + e * w) - law.lead(y - e * w)).reshape(-1) / (2 * e)
         np.testing.assert_allclose(curvature(law, y, force) @ w.reshape(-1), bent, atol=1e-8)
-        by = link.by_motion(y)
+        by = link.by_velocities(y)
         rate = rng.standard_normal((2, 2, 3))
         slope = (gap_of(law, motion(y, e * rate), x) - gap_of(law, motion(y, -e * rate), x)) / (2 * e)
         np.testing.assert_allclose(sum(v @ rate[k, 0] + w @ rate[k, 1] for k, (_, v, w) in enumerate(by)), slope, atol=1e-8)
@@ -126,7 +126,7 @@ def test_the_sparse_solver_takes_the_same_steps(options: dict[str, Any]) -> None
 def test_a_joint_leaves_the_freedom_that_its_name_says(kind: type, forces: int) -> None:
     model = fb.compile_scene(pair(kind, **AXES[kind]))
     x = model.q0.reshape(-1, 4, 3)
-    rows = np.concatenate([np.hstack([np.hstack(both) for _, *both in link.by_motion(x[list(link.node)])])
+    rows = np.concatenate([np.hstack([np.hstack(both) for _, *both in link.by_velocities(x[list(link.node)])])
                            for link in model.kept])
     assert np.linalg.matrix_rank(rows) == rows.shape[0] == forces == model.n_forces
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.compile.tracks import track_of
+from fastbeam.compile.tracks import contact_curve_of
 from fastbeam.kernels.contact import curves as kernels
 from fastbeam.model.mapping import shapes_at
 from fastbeam.model.numbering import NodeList
@@ -234,7 +234,7 @@ def test_tracks_are_made_once() -> None:
     sliders = [fb.Slider(f"s{k}", beads[k], on=path, at=0.5 + k, curve="own" if k == 2 else "c1") for k in range(3)]
     what = fb.Scene(A, ON, *beads, *sliders, fb.RigidConnection(A.end, ON.start))
     nodes = NodeList(what)
-    tracks = [track_of(what, nodes, slider) for slider in sliders]
+    tracks = [contact_curve_of(what, nodes, slider) for slider in sliders]
     assert tracks[0] is tracks[1] is not tracks[2] and (tracks[0].smooth, tracks[2].smooth) == (1, 0)
     model = fb.compile_scene(what)
     assert model.sliders.curve.tolist() == [0, 0, 1]

@@ -12,7 +12,7 @@ import fastbeam as fb
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import Calls
 from fastbeam.kernels.state import State
-from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.mapping import contact, follow, turned
 from fastbeam.model.maps import RowMap, velocity_map
 from fastbeam.model.model import Model
@@ -88,7 +88,7 @@ def disturbed(model: Model, planar: bool) -> State:
     if planar:
         axes = model.plane.axes
         step = np.concatenate((step[:, :2] @ axes[:2], step[:, 3:4] * axes[2]), axis=1)
-    step[(model.held_mask[:, None] >> np.arange(6)) & 1 == 1] = 0.0
+    step[(model.fixed_mask[:, None] >> np.arange(6)) & 1 == 1] = 0.0
     step = step[model.pattern.first_on_row]
     q = state.q.reshape(-1, 4, 3).copy()
     q[:, 0] += step[:, :3]
@@ -150,7 +150,7 @@ def test_compiled_rows_of_a_step_with_equal_ends_are_the_static_equations(make: 
 @pytest.mark.parametrize("make", [sliders, sleeves, joints, path, strut])
 def test_gaps_outside_of_a_step_and_their_rates_are_those_of_the_twin(make: Any) -> None:
     model = fb.compile_scene(make(), planar=False)
-    state, rows = disturbed(model, False), GapRows(model)
+    state, rows = disturbed(model, False), ConstraintGaps(model)
     gaps, (values, rates) = rows.at(state.q, state.s), gaps_and_rates(model, state.q, state.s)
     assert gaps.values.size == model.n_forces and np.max(np.abs(values)) > 1e-3
     np.testing.assert_allclose(gaps.values, values, rtol=0.0, atol=1e-14)

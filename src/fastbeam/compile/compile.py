@@ -27,7 +27,7 @@ from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
 from fastbeam.compile.redundancy import softness_of
 from fastbeam.compile.report import describe
-from fastbeam.compile.tracks import corners_of, track_of
+from fastbeam.compile.tracks import corners_of, contact_curve_of
 from fastbeam.compile.unpack import Loads, Unpacked, unpack
 from fastbeam.interface.arguments import Anything, Flag, Word, checked, shown
 from fastbeam.interface.errors import SceneError
@@ -349,7 +349,7 @@ def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> S
     """Build the feature of sliders and sleeves, behind so many joints with multipliers; None without any."""
     if not scene.sliders:
         return None
-    tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
+    tracks = [contact_curve_of(scene, nodes, slider) for slider in scene.sliders]
     index = {track: k for k, track in enumerate(dict.fromkeys(tracks))}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
     curve = np.array([index[track] for track in tracks], np.int64)

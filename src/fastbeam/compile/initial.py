@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fastbeam.compile.projection import along_curve, project, strain_rates
-from fastbeam.compile.tracks import track_of
+from fastbeam.compile.tracks import contact_curve_of
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.layout import ARM, TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, refuse, told
-from fastbeam.model.connections import Connections, held_axes
+from fastbeam.model.connections import Connections, fixed_axes
 from fastbeam.model.contact.sleeve_conditions import Section
-from fastbeam.model.contact.sleeves import held_at_start
+from fastbeam.model.contact.sleeves import sections_in_sleeves
 from fastbeam.model.forces.winches import Hoists
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import support_rates
 from fastbeam.model.numbering import NodeList
@@ -31,9 +31,9 @@ BENDS = 1e-6
 # smallest strain of waves from a support with an initial velocity that raises an event
 LEAST_SHOCK = 1e-9
 # remedies for velocities that do not agree
-TOGETHER = "give connected parts one RigidMotion, or velocities that agree"
-FROM_REST = "let its function begin with zero velocity, or give the parts that it moves their velocities (RigidMotion)"
-OF_SLIDERS = "give its point the velocity of the beam there, and its sliding speed as rate="
+GIVE_RIGID_MOTION = "give connected parts one RigidMotion, or velocities that agree"
+FROM_ZERO = "let its function begin with zero velocity, or give the parts that it moves their velocities (RigidMotion)"
+GIVE_SLIDING_SPEED = "give its point the velocity of the beam there, and its sliding speed as rate="
 
 
 class Mismatch(NamedTuple):
@@ -51,7 +51,7 @@ def _speed_of(wrong: Mismatch) -> float:
 
 
 def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
-                  kept: list[KeptLink], at_rest: Callable[[], Model]) -> tuple[Array, tuple[tuple[str, str], ...]]:
+                  kept: list[ConstrainedJoint], at_rest: Callable[[], Model]) -> tuple[Array, tuple[tuple[str, str], ...]]:
     """Return the rates of the coordinates at t = 0 [12 N], and kinds and texts of events. kept: joints with multipliers; at_rest:
     makes the model of the scene at rest, for projection of velocities.
 
@@ -67,7 +67,7 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     for motion in (x for x in scene.prescribed if x.since is None and not scene.project_velocities):
         at = nodes.number(motion.at)
         notes += _shock(nodes, elements, motion, at, [of[at] - x[at] for of, x in zip(moving, (v, omega))])
-        v[at] = np.where(held_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
+        v[at] = np.where(fixed_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
         omega[at] = moving[1][at] if motion.mask & 56 else omega[at]
     _follow_sliders(scene, nodes, v, lines)
     for x in (v, omega):
@@ -76,7 +76,7 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     tied = joints.tied
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
     v[masses], omega[masses] = (x[masses] for x in tied_velocities(nodes, joints, v, omega))
-    held = held_at_start(scene, nodes, joints, lines)
+    held = sections_in_sleeves(scene, nodes, joints, lines)
     wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
         scale = max([_speed(nodes, v, omega), *(abs(slider.rate or 0.0) for slider in scene.sliders)])
@@ -102,7 +102,7 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                             "or let motions of supports and drives begin at rest")
             notes.append(("projected", changed))
     # fixed nodes stand still exactly, prescribed ones move as prescribed, also after a projection: no step would correct them
-    for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
+    for x, of, which in ((v, moving[0], fixed_axes(joints.held) & ~tied[:, None]),
                          (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
         x[which] = of[which]
     follows = tied_velocities(nodes, joints, v, omega)
@@ -116,7 +116,7 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     return rates.reshape(-1), tuple(notes)
 
 
-def state_at_rest(scene: Scene, nodes: NodeList, kept: list[KeptLink]) -> State:
+def state_without_velocities(scene: Scene, nodes: NodeList, kept: list[ConstrainedJoint]) -> State:
     """Make a state without velocities; kept: joints with multipliers."""
     q = np.concatenate((nodes.phi[:, None], nodes.directors), axis=1)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
@@ -129,7 +129,7 @@ def _shock(nodes: NodeList, elements: list[Elements], motion: PrescribedMotion, 
     """Return the event of a support that begins with a velocity and a spin which the scene does not give its beam there; jumps:
     differences, m/s and rad/s."""
     mask = np.array([motion.mask])
-    velocity, spin = (float(np.linalg.norm(x)) for x in (jumps[0] * held_axes(mask)[0], jumps[1] * bool(motion.mask & 56)))
+    velocity, spin = (float(np.linalg.norm(x)) for x in (jumps[0] * fixed_axes(mask)[0], jumps[1] * bool(motion.mask & 56)))
     strain = 0.0
     for part in elements:
         section = np.unique(part.section[np.any(part.nodes == at, axis=1)])
@@ -171,7 +171,7 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     """Return the nodes under every slider, their shape functions and slopes, and the sliding node."""
     out = []
     for slider in scene.sliders:
-        out.append((*track_of(scene, nodes, slider).at(slider.at), nodes.number(slider.point)))
+        out.append((*contact_curve_of(scene, nodes, slider).at(slider.at), nodes.number(slider.point)))
     return out
 
 
@@ -282,7 +282,7 @@ def tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array
 
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
-              lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink], held: list[tuple[int, Section]],
+              lines: list[tuple[Array, Array, Array, int]], kept: list[ConstrainedJoint], held: list[tuple[int, Section]],
               moving: tuple[Array, Array]) -> list[Mismatch]:
     """Return the largest violation of every kind by the velocities."""
     size = _size(nodes)
@@ -298,37 +298,37 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
             ("connection of {} (rotation)", omega - spin, tied & turning),
-            ("support of {}", np.where(held_axes(joints.held), v - moving[0], 0.0), ~tied & (joints.held & 7 != 0)),
+            ("support of {}", np.where(fixed_axes(joints.held), v - moving[0], 0.0), ~tied & (joints.held & 7 != 0)),
             ("support of {} (rotation)", omega - moving[1], alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:
             amount = np.linalg.norm(error[k], axis=1)
             worst = int(np.argmax(amount))
-            remedy = TOGETHER if k[worst] not in driven else FROM_REST
+            remedy = GIVE_RIGID_MOTION if k[worst] not in driven else FROM_ZERO
             add(what.format(nodes.labels[k[worst]]), float(amount[worst]), "rotation" in what, remedy)
     moving_nodes = (np.any(v, axis=1) | np.any(omega, axis=1)).tolist()
     for link in kept:
         at_rest = not (moving_nodes[link.node[0]] or moving_nodes[link.node[1]] or link.law.rate)
         if at_rest or not link.law.holds:
             continue
-        rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
+        rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_velocities(nodes.coordinates(link.node)))
         rates = rates - link.rates()
-        add(link.name, float(np.linalg.norm(rates)), bool(link.law.is_angle), FROM_REST if link.law.rate else TOGETHER)
+        add(link.name, float(np.linalg.norm(rates)), bool(link.law.is_angle), FROM_ZERO if link.law.rate else GIVE_RIGID_MOTION)
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         if slider.starts_off:
             continue
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]
         rate = float(relative @ tangent / (tangent @ tangent))
-        add(f"slider {slider.name!r}", float(np.linalg.norm(relative - rate * tangent)), False, OF_SLIDERS)
+        add(f"slider {slider.name!r}", float(np.linalg.norm(relative - rate * tangent)), False, GIVE_SLIDING_SPEED)
         if slider.rate is not None:
             add(f"slider {slider.name!r} (rate {slider.rate:g} m/s against {rate:g} m/s)", abs(rate - slider.rate), False,
-                OF_SLIDERS)
+                GIVE_SLIDING_SPEED)
     for k, section in held:
         spins, of_holder = section.by_spins()
         lead, along = along_curve(nodes, lines[k])
         rate = sum(float(along[i] @ v[node]) for i, node in enumerate(lead))
         turning = np.einsum("pac,ac->p", spins, omega[section.roots[:-1]]) + of_holder @ omega[section.roots[-1]]
         add(f"sleeve {scene.sliders[k].name!r} (rotation)", float(np.linalg.norm(turning + section.values(1) * rate)), True,
-            TOGETHER)
+            GIVE_RIGID_MOTION)
     return out

@@ -31,7 +31,7 @@ from fastbeam.model.forces.link_forces import BushingForces, LinkForces, Outside
 from fastbeam.model.forces.spring_laws import SpringRows, spring_laws
 from fastbeam.model.forces.user_forces import Loaded, UserLaws, asked_of, force_elements, line_forces
 from fastbeam.model.forces.winches import Hoists, Ropes, WinchRows
-from fastbeam.model.joints.constraints import Distance, KeptLink, Law, Together
+from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, Law, Together
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.joints.tables import bearing_nodes, conditions_of, frames_of, joint_conditions
 from fastbeam.model.numbering import NodeList
@@ -41,7 +41,7 @@ from fastbeam.scene.links import Link, label_of
 
 Array = np.ndarray
 # largest way of the ends of a spring past each other in a step of step control, as a share of its length
-SHORT_WAY = 2e-3
+SHORT_PASSAGE = 2e-3
 
 
 class Blocks(Protocol):
@@ -199,11 +199,11 @@ class Lines(NamedTuple):
         for k, force in self.forces.items():
             a, b = self.node[k]
             x, y = (p[b] - p[a] for p in positions)
-            start, end, way = float(np.linalg.norm(x)), float(np.linalg.norm(y)), y - x
-            square = float(way @ way)
+            start, end, displacement = float(np.linalg.norm(x)), float(np.linalg.norm(y)), y - x
+            square = float(displacement @ displacement)
             if square == 0.0:
                 continue
-            nearest = float(np.linalg.norm(x + min(max(-float(x @ way) / square, 0.0), 1.0) * way))
+            nearest = float(np.linalg.norm(x + min(max(-float(x @ displacement) / square, 0.0), 1.0) * displacement))
             lengths, rate = (start, 0.5 * (start + end), end, nearest), (end - start) / h
             try:
                 with np.errstate(all="ignore"):
@@ -307,15 +307,16 @@ class Links:
         # coordinates that joints with axes leave free, with the nodes and directions of the joint
         self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
         # coordinates with multipliers, prescribed ones first: their constraints are the last of all
-        self.driven: list[KeptLink] = []
+        self.driven: list[ConstrainedJoint] = []
         for freedom, at, frame in self.freedoms:
             if freedom.is_given:
                 law = Coordinate(freedom.shape, frame, freedom.given_rate, holds=True)
-                self.driven.append(KeptLink(freedom.force_label("drive"), at, law))
+                self.driven.append(ConstrainedJoint(freedom.force_label("drive"), at, law))
         for freedom, at, frame in self.freedoms:
             if freedom.may_stick:
                 law = Coordinate(freedom.shape, frame)
-                self.driven.append(KeptLink(freedom.force_label("friction" if freedom.has_friction else "stops"), at, law))
+                self.driven.append(ConstrainedJoint(freedom.force_label("friction" if freedom.has_friction else "stops"), at,
+                                                    law))
 
     @property
     def touched(self) -> Array:
@@ -341,14 +342,14 @@ class Links:
         return np.concatenate(out)
 
     @property
-    def kept(self) -> list[KeptLink]:
+    def kept(self) -> list[ConstrainedJoint]:
         """Joints with multipliers, in the order of their constraints."""
         nodes = self.nodes
         out = []
         for group in self.groups:
             # joints of nets have no name
-            out += [KeptLink((label_of(part) if part else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}") + word,
-                             (a, b), law)
+            out += [ConstrainedJoint(
+                (label_of(part) if part else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}") + word, (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
         return out + self.driven
@@ -371,7 +372,7 @@ class Links:
         springs = self.of(Spring, Damper, Bushing)[0]
         outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
         tells = self.losses or springs or lines or self.ropes.winches
-        return [*([LinkForces(self.losses, partial(_rows_of, self), lines)] if tells else []),
+        return [*([LinkForces(self.losses, partial(_evaluators_of, self), lines)] if tells else []),
                 *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
                 *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
                 *self._laws()]
@@ -395,7 +396,7 @@ class Links:
         vectorial = np.array([type(part) is Spring and not part.has_law and part.length == 0.0 for part in parts], bool)
         kept = np.flatnonzero((reach > 0.0) & ~vectorial)
         acts = np.array([type(part) is not Damper and not getattr(part, "tension_only", False) for part in parts], bool)
-        return Lines([label_of(parts[k]) for k in kept.tolist()], node[kept], SHORT_WAY * reach[kept],
+        return Lines([label_of(parts[k]) for k in kept.tolist()], node[kept], SHORT_PASSAGE * reach[kept],
                      {n: parts[k] for n, k in enumerate(kept.tolist()) if type(parts[k]) is LineForce},
                      acts[kept]) if kept.size else None
 
@@ -423,7 +424,7 @@ def _both(nodes: NodeList, at: Array, k: int) -> str:
     return " and ".join(nodes.labels[i] for i in at[k].tolist())
 
 
-def _rows_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:
+def _evaluators_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:
     """Return the evaluators of springs and dampers, winches and bushings at rows; tables: of the links."""
     parts, node = links.of(Spring, Damper)
     out: list[Any] = []

@@ -64,7 +64,7 @@ class Bore(RevoluteJoint):
     is_pinned: ClassVar[bool] = False
 
 
-class HeldPoint(AxisJoint):
+class ContactJoint(AxisJoint):
     """Joint with multipliers of a contact with Coulomb friction, whose forces and moments press on the beam."""
 
     is_pinned: ClassVar[bool] = True
@@ -78,14 +78,14 @@ class HeldPoint(AxisJoint):
         return self.axis, self.axis
 
 
-class HeldAxis(HeldPoint):
-    """Joint `HeldPoint` of a sleeve in which the beam may twist."""
+class SleeveAxisJoint(ContactJoint):
+    """Joint `ContactJoint` of a sleeve in which the beam may twist."""
 
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_AXIS,)
 
 
-class HeldTriad(HeldPoint):
-    """Joint `HeldPoint` of a sleeve that holds the twist."""
+class SleeveTriadJoint(ContactJoint):
+    """Joint `ContactJoint` of a sleeve that holds the twist."""
 
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_TRIAD,)
 
@@ -108,7 +108,7 @@ def joints_of(mesh: Mesh, k: int) -> list[Any]:
     acting = [] if slider.slides_freely else [Along(slider, mesh.places[k])]
     is_sleeve = isinstance(slider, Sleeve)
     if has_coulomb(slider):
-        kind = HeldPoint if not is_sleeve else HeldTriad if slider.keyed else HeldAxis
+        kind = ContactJoint if not is_sleeve else SleeveTriadJoint if slider.keyed else SleeveAxisJoint
         return [*acting, kind(slider, node)]
     if is_sleeve and slider.keyed:
         return [*acting, RigidConnection(node, slider.point, name=slider.name)]

@@ -119,10 +119,10 @@ class Moving(Feature):
         the lengths of the beams, m."""
         found, least, lengths = [], [], []
         for table in self.tables:
-            ways = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
-            found.append(ways)
-            least.append(np.full(ways.size, table.length[1]))
-            lengths.append(np.full(ways.size, table.length[0]))
+            spacings = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
+            found.append(spacings)
+            least.append(np.full(spacings.size, table.length[1]))
+            lengths.append(np.full(spacings.size, table.length[0]))
         return np.concatenate(found), np.concatenate(least), np.concatenate(lengths)
 
     def at_end(self, gap: int, q: Array) -> dict[str, Any]:
@@ -245,8 +245,8 @@ def rewrite(scene: Scene) -> Rewritten | None:
     given.check()
     meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
     contacts = [joint for mesh in meshes for k in range(len(mesh.sliders)) for joint in joints_of(mesh, k)]
-    kept = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
-    out = Scene(*kept, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,
+    same = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
+    out = Scene(*same, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,
                 gravity_time=scene.gravity_time, project_velocities=True)
     out.moving = tuple(meshes)
     return Rewritten(out, meshes, given)

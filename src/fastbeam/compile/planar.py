@@ -20,11 +20,11 @@ from fastbeam.kernels.linalg.substructures import place_stores
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.analyses import Analysis, told
-from fastbeam.model.connections import TRIAD, held_axes, held_in_plane
+from fastbeam.model.connections import TRIAD, fixed_axes, fixed_in_plane
 from fastbeam.model.contact.sleeves import sleeves_in_plane
 from fastbeam.model.forces.bushings import check_plane
 from fastbeam.model.joints.coordinates import Coordinate
-from fastbeam.model.joints.tables import conditions_in_plane, kept_in_plane, left_in_plane
+from fastbeam.model.joints.tables import conditions_in_plane, constraints_in_plane, left_in_plane
 from fastbeam.model.plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from fastbeam.model.tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from fastbeam.scene import Bushing
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from fastbeam.model.model import Model
 
 Array = np.ndarray
-PUSHED, TURNED = "the load on {} points out of the plane", "the moment on {} is not about the normal of the plane"
+PUSH_OUT, TURN_OUT = "the load on {} points out of the plane", "the moment on {} is not about the normal of the plane"
 
 
 class Found(NamedTuple):
@@ -70,7 +70,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     q = unpacked.state.q.reshape(-1, 4, 3)
     masks = unpacked.joints.held & 7
     partly = np.flatnonzero((masks != 0) & (masks != 7))
-    some_axes = held_axes(masks[partly]).astype(float)
+    some_axes = fixed_axes(masks[partly]).astype(float)
     normal = _normal([vectors.x for vectors in within], [vectors.x for vectors in across], q[0, 1:], some_axes)
     axes = _axes(normal)
     normal = axes[2]
@@ -93,7 +93,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
     vectors = unpacked.state.s.size + sum(link.law.is_vector for link in unpacked.kept)
-    singles = kept_in_plane(unpacked.kept, normal)[1]
+    singles = constraints_in_plane(unpacked.kept, normal)[1]
     single = sum(link.forces(3) for link in unpacked.kept if not link.law.is_vector)
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors, singles, single)
     check_state(unpacked.state.q, unpacked.state.v, plane, unpacked.numbered.length)
@@ -118,23 +118,23 @@ def _vectors(unpacked: Unpacked) -> tuple[list[_Vectors], list[_Vectors]]:
     within = [_Vectors(q[:, 0] - q[0, 0], "{} does not lie in the plane of the other nodes"),
               _Vectors(v[:, 0], "the initial velocity of {} points out of the plane"),
               _Vectors(unpacked.gravity[None], "gravity points out of the plane"),
-              *(_Vectors(x[:, :3], PUSHED, nodes) for x, nodes in loads)]
+              *(_Vectors(x[:, :3], PUSH_OUT, nodes) for x, nodes in loads)]
     # round-off of spins and moments has no axis
     speed = float(np.max(np.abs(v[:, 0]), initial=0.0))
     push = max((float(np.max(np.abs(x[:, :3]))) for x, _ in loads), default=0.0)
     spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
     across = [_Vectors(spins, "the initial spin of {} is not about the normal of the plane"),
-              *(_Vectors(_without_noise(x[:, 3:], push * length), TURNED, nodes) for x, nodes in loads)]
+              *(_Vectors(_without_noise(x[:, 3:], push * length), TURN_OUT, nodes) for x, nodes in loads)]
     if unpacked.dragged is not None:
         # several drags may act on one node, each with air of its own
         within.append(_Vectors(unpacked.dragged.air, "the air at {} moves out of the plane", unpacked.dragged.node))
     if unpacked.prescribed is not None:
-        for way, axes in unpacked.prescribed.directions(len(q)):
-            within.append(_Vectors(way, "the motion of {} leads out of the plane"))
+        for translation, axes in unpacked.prescribed.directions(len(q)):
+            within.append(_Vectors(translation, "the motion of {} leads out of the plane"))
             across.append(_Vectors(axes, "the rotation of {} is not about the normal of the plane"))
     pushed, twisted = _following(unpacked.numbered.links.loaded, q, length)
-    within += [_Vectors(x, PUSHED) for x in pushed]
-    across += [_Vectors(x, TURNED) for x in twisted]
+    within += [_Vectors(x, PUSH_OUT) for x in pushed]
+    across += [_Vectors(x, TURN_OUT) for x in twisted]
     for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
         within.append(_Vectors(pushes, f"{on} exerts a force on {{}} out of the plane"))
         across.append(_Vectors(turns, f"{on} exerts a moment on {{}} about an axis that is not the normal of the plane"))
@@ -315,7 +315,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
                           numbers_of(found.ties), ties.moves)
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
-    kept = kept_in_plane(model.kept, axes[2])[0]
+    kept = constraints_in_plane(model.kept, axes[2])[0]
     left = {(link.name, link.node) for link in kept}
     softness = model.kept_softness[[(link.name, link.node) in left for link in model.kept]]
     links = [_link(table, model, plane, ties) for table in model.links]
@@ -417,5 +417,5 @@ def _held(held: Held | None, axes: Array) -> Held | None:
     exist in the plane."""
     if held is None:
         return None
-    mask, row_mask, column_mask = (held_in_plane(x, axes) for x in (held.mask, held.row_mask, held.column_mask))
+    mask, row_mask, column_mask = (fixed_in_plane(x, axes) for x in (held.mask, held.row_mask, held.column_mask))
     return Held(held.row, mask, held.diagonal, held.block, row_mask, column_mask)

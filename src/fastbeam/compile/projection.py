@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.maps import mass_map, velocity_map
 from fastbeam.model.model import Model
 from fastbeam.model.numbering import NodeList
@@ -32,7 +32,7 @@ def project(model: Model, scene: Scene, v: Array, omega: Array, moving: tuple[Ar
     moving: tuple of float64 [N, 3], velocities and spins of supports.
     """
     from scipy import sparse
-    rows = GapRows(model)
+    rows = ConstraintGaps(model)
     gaps = rows.at(model.q0, model.s0)
     matrix, right = [], []
     for k, slider in enumerate(scene.sliders):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fastbeam.model.connections import HOLD_POSITION, HOLD_TRIAD, Connections, components
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 
 Array = np.ndarray
 POINT_MASS = 9
@@ -15,7 +15,7 @@ POINT_MASS = 9
 MANY_LINKS = 30.0
 
 
-def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array) -> Array:
+def softness_of(kept: Sequence[ConstrainedJoint], connections: Connections, rank: Array) -> Array:
     """Return the share of 1/a, theory.md (5.5), in the equations of every joint with multipliers, [J].
 
     0: the joint belongs to a tree of rigid parts, where all forces are determined: plain multipliers; 1 in loops, less in long

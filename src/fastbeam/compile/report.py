@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fastbeam.compile.pieces import pieces
-from fastbeam.compile.tracks import track_of
+from fastbeam.compile.tracks import contact_curve_of
 from fastbeam.scene import Path, Scene, Switch
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def _paths(scene: Scene, model: Model) -> Iterator[Line]:
         path = slider.beam
         if isinstance(path, Path) and (path, slider.curve) not in known:
             known.add((path, slider.curve))
-            track = track_of(scene, model.numbers, slider)
+            track = contact_curve_of(scene, model.numbers, slider)
             count = sum(other.beam is path and other.curve == slider.curve for other in scene.sliders)
             across = f", one tangent across {track.smooth} of {_plural(track.joints, 'joint')}" if track.smooth else ""
             if isinstance(path, Switch):
@@ -153,7 +153,7 @@ def _paths(scene: Scene, model: Model) -> Iterator[Line]:
 
 def _together(scene: Scene, model: Model) -> Iterator[Line]:
     """Yield the number of connected pieces, and the ends that touch something without a joint."""
-    count, places, near = pieces(scene, model.numbers, model.held_mask, model.length)
+    count, places, near = pieces(scene, model.numbers, model.fixed_mask, model.length)
     yield "together", _plural(count, "connected piece")
     for place in places[:4]:
         names = " and ".join(model.labels[k] for k in place[:3]) + (f" and {len(place) - 3} more" if len(place) > 3 else "")

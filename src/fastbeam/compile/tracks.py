@@ -48,7 +48,7 @@ class Track:
         return self.nodes[local], np.bincount(which, values[0, keep]), np.bincount(which, slopes[0, keep])
 
 
-def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
+def contact_curve_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
     """Return the curve of a slider, made once for all sliders on it.
 
     Raises SceneError: beams of a path meet where nothing holds them together.

@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.compile.initial import initial_rates, state_at_rest
+from fastbeam.compile.initial import initial_rates, state_without_velocities
 from fastbeam.compile.numbered import Numbered
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
 from fastbeam.model.connections import Connections
 from fastbeam.model.forces.added_mass import Added, added_of
 from fastbeam.model.forces.damping_and_drag import Dragged, dragged_of
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import PrescribedMotions, prescribed_of
 from fastbeam.model.numbering import NodeList
@@ -61,7 +61,7 @@ class Unpacked:
     inertia: Array  # float64 [B, 4, 4]: their inertia for (v, rates of the directors)
     loads: Loads
     gravity: Array  # float64 [3]: gravity, m/s^2
-    kept: list[KeptLink]  # joints with multipliers
+    kept: list[ConstrainedJoint]  # joints with multipliers
     state: State  # state at t = 0, in space
     notes: tuple[tuple[str, str], ...]  # events of the initial velocities: kinds and texts
     prescribed: PrescribedMotions | None  # supports that move
@@ -89,7 +89,7 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                 if all(part is not mesh.beam for mesh in scene.moving)]
     loads = _loads(scene, nodes, elements, joints.row_root)
-    state = state_at_rest(scene, nodes, kept) if known is None else known
+    state = state_without_velocities(scene, nodes, kept) if known is None else known
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]

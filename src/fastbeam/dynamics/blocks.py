@@ -70,17 +70,17 @@ class Blocks:
         stepper, core = self.stepper, self.stepper.core_state
         saved, begin = stepper.save(), time.perf_counter()
         own: Any = core.q, core.v, stepper.work.theta
-        kept = [empty((count, x.size)) for x in own]
+        stored = [empty((count, x.size)) for x in own]
         spent = stepper.take(clock.origin, clock.step, count * every, clock.done,
-                             Recorded(np.array([every * stepper.weights.size]), *kept))
-        for x, last in zip(kept, own):
+                             Recorded(np.array([every * stepper.weights.size]), *stored))
+        for x, last in zip(stored, own):
             x[-1] = last
-        turn = kept[2].reshape(count, stepper.model.n_nodes, -1)
+        turn = stored[2].reshape(count, stepper.model.n_nodes, -1)
         if spent is None or not 2.0 * np.arctan(0.5 * np.max(np.linalg.norm(turn, axis=2))) < UNRESOLVED_TURN:
             stepper.load(saved)
             return None
         each = (time.perf_counter() - begin) / (count * every)
         self._steps = max(1, min(int(CALL_TIME / each), 8 * count * every))
-        q, v = kept[:2] if stepper.plane is None else stepper.plane.rows(*kept[:2])
+        q, v = stored[:2] if stepper.plane is None else stepper.plane.rows(*stored[:2])
         t = clock.origin + clock.step * (clock.done + every * np.arange(1, count + 1))
         return Block(t, q, v, np.diff(spent[::every]), core[2:])

@@ -32,7 +32,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     node, motion = int(of.node[k]), int(of.motion[k])
     caught = State(state.q, state.v, state.s, state.force, state.history.copy())
     caught.history[model.place("released") + k] += 1.0
-    bits = int(model.held_in(caught)[node] & ~model.held_in(state)[node])
+    bits = int(model.fixed_in(caught)[node] & ~model.fixed_in(state)[node])
     new = np.flatnonzero(bits >> np.arange(6) & 1)
     target = np.zeros(6)
     if motion >= 0:

@@ -119,7 +119,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
     (low_end, high_end), slack = limits.T, bounded.slack(limits)
     leaving: dict[int, float] = {}
 
-    def way_left() -> float:
+    def distance_left() -> float:
         """Return the way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave,
         negative beyond the end."""
         s = bounded.tried(stepper)
@@ -132,7 +132,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
 
     if failed:
         leaving.update(dict.fromkeys(vanishing(stepper.model, stepper.state, h).tolist(), 0.0))
-    high, f_high = 1.0, -way(bounded.at(stepper.state))[0] if failed else way_left()
+    high, f_high = 1.0, -way(bounded.at(stepper.state))[0] if failed else distance_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))
     halved, before = True, (np.inf, -np.inf)
@@ -151,7 +151,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
         if outcome.status == OK:
             low, reached, best = x, stepper.save(), (x * h, outcome)
         else:
-            high, f_high = x, way_left() if outcome.status == SLIDER_END else -f_low
+            high, f_high = x, distance_left() if outcome.status == SLIDER_END else -f_low
     stepper.load(reached)
     return *best, way(bounded.at(reached[0]))[1]
 

@@ -208,9 +208,9 @@ class Encounters:
         self.between, self.calls.intact = True, False
         start = self.stepper.save()
         watched = self.locking.is_present and self.locking.watch(self.stepper.state, t)
-        way = TRANSFER_TOLERANCE if self.model.spans else END_TOLERANCE
+        tolerance = TRANSFER_TOLERANCE if self.model.spans else END_TOLERANCE
         failed = outcome.status not in (OK, SLIDER_END)
-        last, final, k = run_to_end_of_beam(self.stepper, t, h, way, failed)
+        last, final, k = run_to_end_of_beam(self.stepper, t, h, tolerance, failed)
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))

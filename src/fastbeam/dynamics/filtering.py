@@ -122,8 +122,8 @@ class FilteringStepper(Stepper):
         fastest = max(float(np.max(np.abs(spin), initial=0.0)), float(np.max(np.abs(v[:, 0]), initial=0.0)) / core.length)
         h = TURN / fastest if fastest > 0.0 else 1.0
         found = []
-        for way in (h, -h):
-            work.dphi[:], work.theta[:] = way * v[:, 0].reshape(-1), way * spin.reshape(-1)
+        for signed_step in (h, -h):
+            work.dphi[:], work.theta[:] = signed_step * v[:, 0].reshape(-1), signed_step * spin.reshape(-1)
             changes_of(self.filters, self.records[1].typed, h)
             found.append([term.change.copy() for term in self.filters])
         for term, ahead, back in zip(self.filters, *found):

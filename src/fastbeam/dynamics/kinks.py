@@ -54,9 +54,9 @@ class Scalars:
         out: list[tuple[float, str, int]] = []
         if last is None or not t > last[0]:
             return out
-        ways = between(last[1], x, last[2], rate, t - last[0])
+        interpolated = between(last[1], x, last[2], rate, t - last[0])
         for k in list(self._left):
-            part, way = self.parts[k], ways[:, k]
+            part, way = self.parts[k], interpolated[:, k]
             slack = max(BEYOND * float(np.ptp(way)), ROUND_OFF * (self._length if part.unit == "m" else 1.0))
             for border, order in part.borders:
                 sides = np.sign(way - border) * (np.abs(way - border) > slack)
@@ -108,7 +108,7 @@ class Turning:
         self._last: tuple[float, Array, Array, Array] | None = None
         self._tail: Array | None = None
 
-    def _motion(self, t: float, state: State) -> tuple[Array, Array, Array]:
+    def _relative_velocities(self, t: float, state: State) -> tuple[Array, Array, Array]:
         """Return places less those of the air, velocities against it and directors d1 of the nodes, [D, 3] each."""
         q, v = (y.reshape(-1, 4, 3)[self.node] for y in (state.q, state.v))
         factors = np.array([1.0 if time is None else factor_at(time, t) for time in self.times])
@@ -118,7 +118,7 @@ class Turning:
         """Find velocities that turned around since the last row; return as `Scalars.look`."""
         if not self.at.size or len(self._told) == len(self.labels):
             return []
-        last, here = self._last, self._motion(t, state)
+        last, here = self._last, self._relative_velocities(t, state)
         self._last = (t, *here)
         if last is None or not t > last[0]:
             return []

@@ -30,7 +30,7 @@ from fastbeam.kernels.contact.slider_forces import (
 )
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.state import State
-from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.model import Model
 from fastbeam.model.start import AT_STOP
 from fastbeam.model.workspace import contact_of
@@ -100,10 +100,10 @@ class Locking:
         out = []
         if self.model.released is not None:
             of = self.model.released
-            held = self.model.own(state.history, "released") + ~of.waits
+            engaged = self.model.own(state.history, "released") + ~of.waits
             # supports let go first: a node handed over is not held by both
-            out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(held == 1.0).tolist() if of.until[k] is not None]
-            out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(held == 0.0).tolist()]
+            out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(engaged == 1.0).tolist() if of.until[k] is not None]
+            out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(engaged == 0.0).tolist()]
         own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
@@ -352,7 +352,7 @@ class Locking:
         s, loss = float(state.s[k]), 0.0
         state = State(*(x.copy() for x in state))
         if awaited.action == LOCK:
-            gaps = GapRows(self.model).at(state.q, state.s)
+            gaps = ConstraintGaps(self.model).at(state.q, state.s)
             _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, x.v) * gaps.tangents[k])
         own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0

@@ -12,7 +12,7 @@ from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, HISTO
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.state import State
-from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -51,7 +51,7 @@ class Finder:
         sides = model.slider_forces.sides
         self._sides = Sides(np.cumsum([0, *map(len, sides)]), np.concatenate(sides).reshape(-1))
         # arc lengths between which there is a contact: the ends of the beam, or the places where stops begin
-        self.ends = model.slider_forces.free_way(model.limits_at(model.s0))
+        self.ends = model.slider_forces.free_range(model.limits_at(model.s0))
         self._out = empty(7)
 
     def place(self, state: State, k: int, search: int = SEARCH) -> Place:
@@ -72,7 +72,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
     """Return the state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
     state = State(*(x.copy() for x in state))
     state.s[k] = place.s
-    gaps = GapRows(model).at(state.q, state.s)
+    gaps = ConstraintGaps(model).at(state.q, state.s)
     of_point, tangent = gaps.rates[3 * k:3 * k + 3], gaps.tangents[k]
     relative = of_point @ state.v
     stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0

@@ -19,13 +19,13 @@ from fastbeam.kernels.loop import OK
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Conserving, Equilibrium, System
 from fastbeam.linalg.factors import LU, lu
-from fastbeam.model.connections import held_axes
+from fastbeam.model.connections import fixed_axes
 from fastbeam.model.contact.sleeve_twist import with_known_twist
 from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.damping_and_drag import COEFFICIENTS
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.forces.user_forces import ON_NODES
-from fastbeam.model.joints.constraints import Distance, KeptLink
+from fastbeam.model.joints.constraints import Distance, ConstrainedJoint
 from fastbeam.model.released_supports import OwnSupports
 from fastbeam.results.observe.resultants import Sections
 from fastbeam.results.observe.section_balance import FreeBodies
@@ -70,7 +70,7 @@ class Reactions:
         self._sliding = Calls(tuple(term for term in self.terms.terms if isinstance(term, Sliding)), ADDED)
         self.ties = None if core.ties is None else Calls((core.ties,), ADDED)
         self._system: SystemRecord | None = None
-        names = {name: k for k, name in enumerate(stepper.model.kept_names)}
+        names = {name: k for k, name in enumerate(stepper.model.constrained_joint_names)}
         # joints with multipliers, and which of them every link belongs to; -1: what acts on the places of contacts on moving
         # meshes is no force in space
         line = set() if stepper.model.moving is None else set(stepper.model.moving.line.tolist())
@@ -100,12 +100,12 @@ class Reactions:
         changes in a run."""
         holding = self.holding
         masks = holding.masks.copy()
-        turns_freely = self.stepper.model.held_in(state)[holding.supports] & 56 == 0
+        turns_freely = self.stepper.model.fixed_in(state)[holding.supports] & 56 == 0
         if state is not None:
             # forces of supports that do not hold are round-off
             masks[self.own.core.released.reaction[self.own.supports.off(state)]] = 0
             turns_freely |= masks == 0
-        return turns_freely, ~held_axes(masks)
+        return turns_freely, ~fixed_axes(masks)
 
     def of_step(self, before: State, middle: Array, second: Array, t: float, h: float) -> Array:
         """Return means over the step that the stepper has just taken, [6 (R + C)].
@@ -190,7 +190,7 @@ class Reactions:
             if k < 0:
                 at += m
                 continue
-            _, (b, by_velocity, by_spin) = link.by_motion(q[list(link.node)])
+            _, (b, by_velocity, by_spin) = link.by_velocities(q[list(link.node)])
             push = by_velocity.T @ multipliers[at:at + m]
             if isinstance(link.law, Distance):
                 # along the mean of both ends of a step, which is shorter than the joint where this turns (theory.md 4.1)
@@ -200,7 +200,7 @@ class Reactions:
             at += m
         return np.concatenate((out, sections)).reshape(-1)
 
-    def _length(self, link: KeptLink) -> float:
+    def _length(self, link: ConstrainedJoint) -> float:
         a, b = (self.stepper.model.q0.reshape(-1, 12)[k, :3] for k in link.node)
         return float(np.linalg.norm(b - a))
 
@@ -275,11 +275,11 @@ class ReactingStepper(Stepper):
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         result = None
         for k in range(n):
-            before, (q, v) = State(*(y.copy() for y in self.core_state)), self._motion()
+            before, (q, v) = State(*(y.copy() for y in self.core_state)), self._coordinates_and_rates()
             one = super().advance(t, h, 1, done + k)
             found = np.zeros((2, self.reactions.size))
             if one.steps:
-                end = self._motion()
+                end = self._coordinates_and_rates()
                 found[:] = self.reactions.of_step(before, 0.5 * (q + end[0]), (end[1] - v) / h, t + h * (done + k), h)
             one.force = np.hstack((one.force, found))
             result = one if result is None else one.after(result)
@@ -288,7 +288,7 @@ class ReactingStepper(Stepper):
         assert result is not None
         return result
 
-    def _motion(self) -> tuple[Array, Array]:
+    def _coordinates_and_rates(self) -> tuple[Array, Array]:
         """Return coordinates and their rates [N, 4, 3], as copies."""
         state = self.state
         return state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()

@@ -7,7 +7,7 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.loop import OK
-from fastbeam.results.observe.points import PointRows
+from fastbeam.results.observe.points import PointSeries
 from fastbeam.stepping.methods import Scheme
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
@@ -25,7 +25,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
         Set before the first step.
     """
 
-    points: PointRows
+    points: PointSeries
 
     @property
     def recorded(self) -> int:
@@ -85,7 +85,7 @@ def forces_of(stepper: Stepper, found: Array) -> Array:
     return found[:stepper.recorded - getattr(stepper, "measured", 0)]
 
 
-def measuring(make: type[Stepper], method: Scheme, points: PointRows) -> Any:
+def measuring(make: type[Stepper], method: Scheme, points: PointSeries) -> Any:
     """Return the class of steppers of this kind whose outcomes hold means of `points`.
 
     Raises

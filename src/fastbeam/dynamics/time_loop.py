@@ -39,7 +39,7 @@ from fastbeam.kernels.state import State
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start, moved_supports, with_velocities_of_scene
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer, books_of_start, conserved
-from fastbeam.results.observe.points import PointRows
+from fastbeam.results.observe.points import PointSeries
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
@@ -178,7 +178,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     sizes = None if control is None else step_sizes(control, order, clock, t_end)
     memory = first.memory if isinstance(first, Checkpoint) else None
     make = _stepper_class(scheme, order, model, observe)
-    rows_of_points = PointRows(model, observe, points)
+    rows_of_points = PointSeries(model, observe, points)
     if rows_of_points.measured:
         make = measuring(make, scheme, rows_of_points)
     stepper = make(model, weights, state, solving.max_iterations, solving.backend, scheme, clock.now, memory,
@@ -396,8 +396,8 @@ class _Run(Encounters):
             final.args = (f"{final}{AFTER_BLOWS}",)
         if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
             self.interrupts.asked = False
-            way = "" if present is None else ", .checkpoint goes on from there"
-            raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
+            advice = "" if present is None else ", .checkpoint goes on from there"
+            raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{advice}",
                               result=result, state=present and present.state, checkpoint=present) from final
         if isinstance(final, ConvergenceError | ResultFileError):
             final.result = result
@@ -522,14 +522,14 @@ class _Run(Encounters):
         """Take a step of the size that step control chooses; the last one meets the end."""
         assert self.control is not None
         planned = min(max(h, self.control.smallest), self.control.largest)
-        rest = end - t
+        remaining = end - t
         # neither a sliver at the end nor a step beyond the largest
-        sliver = planned < rest < (1.0 + SLIVER) * planned
-        cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+        sliver = planned < remaining < (1.0 + SLIVER) * planned
+        cut = 0.5 * remaining if sliver and remaining > self.control.largest else remaining if sliver else min(planned, remaining)
         size, h, outcome = self.controlled(t, cut)
         # a step that was cut to meet the end says nothing about the next
-        h = max(h, planned) if size == rest or size == cut != planned else h
-        return _Taken(outcome, size, end if size == rest else t + size, h)
+        h = max(h, planned) if size == remaining or size == cut != planned else h
+        return _Taken(outcome, size, end if size == remaining else t + size, h)
 
     def _whole_steps(self, t: float, h: float, plan: Plan, every: int, since: int) -> _Taken:
         """Take whole steps up to a row, to where a controller is asked, or to the end; as `_take`."""

@@ -24,10 +24,10 @@ from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.joints.coordinates import VALUE, WORK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import nearest_by
-from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.maps import free_unknowns, mass_map, rates_map, velocities_and_spins
 from fastbeam.model.model import Model
-from fastbeam.model.start import active_motions
+from fastbeam.model.start import active_supports
 
 Array = np.ndarray
 # rates below this share of the largest are none behind an impact
@@ -131,7 +131,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     holds = model.motions.holds
     start = of_momenta(model, state)
     free, before = settled(model, start, -1 - i)
-    rows = GapRows(model)
+    rows = ConstraintGaps(model)
     row = rows.at(state.q, state.s).rates[rows.coordinates[i]]
     rate = float((row @ free.v)[0])
     bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
@@ -161,7 +161,7 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
         Whether the stop is the one towards the end of the beam.
     restitution : float
     """
-    side, gaps = 1.0 if at_end else -1.0, GapRows(model).at(state.q, state.s)
+    side, gaps = 1.0 if at_end else -1.0, ConstraintGaps(model).at(state.q, state.s)
 
     def change(begin: State) -> Array:
         rate = gaps.along(k, begin.v)
@@ -268,7 +268,7 @@ class Equations:
         from scipy import sparse
         self.model, self.state = model, state
         own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
-        rows = GapRows(model)
+        rows = ConstraintGaps(model)
         self._gaps = gaps = rows.at(state.q, state.s)
         self.coordinates = gaps.rates[rows.coordinates]
         self.given = driven = np.zeros(len(gaps.tangents), bool)
@@ -351,14 +351,14 @@ class Equations:
             works = impulses[at] * (found.rows[at] @ state.v)
             model.motions.own(history, model.place("motions"))[given, WORK] += works
             total += float(np.sum(works))
-        supports = active_motions(model, state)
+        supports = active_supports(model, state)
         if supports:
             force = self._to_rates.T @ (self._inertia @ found.by - found.rows.T @ impulses)
             force = force.reshape(-1, 6)[model.pattern.first_on_row]
             q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
             for k, motion, node in supports:
-                held = (motion.mask >> np.arange(6) & 1).astype(bool)
-                work = float(force[node, held] @ velocities_and_spins(q[node], v[node])[held])
+                fixed_components = (motion.mask >> np.arange(6) & 1).astype(bool)
+                work = float(force[node, fixed_components] @ velocities_and_spins(q[node], v[node])[fixed_components])
                 history[model.works_place + k] += work
                 total += work
         return total

@@ -282,7 +282,7 @@ class AdjointRun(Doubts):
             raise SceneError(f"gradient: in the step from t = {self.t[k]:.6g} s neither slipping nor sticking of slider {name!r} "
                              "solves the equations. The compromise taken there (theory.md 5.6) has no derivative; use smaller "
                              "steps, or smoothing= in its friction")
-        rows = self._rows_of(points or {}, False) | self._rows_of(velocities or {}, True)
+        rows = self._weights_of_points(points or {}, False) | self._weights_of_points(velocities or {}, True)
         wanted = [Weights(*self._points[name], weights, is_rate) for (name, is_rate), weights in rows.items()]
         family = self._family(rows, build, values, scale)
         plane, n = self._stepper.plane, self.t.size - 1
@@ -329,11 +329,11 @@ class AdjointRun(Doubts):
             raise SceneError("gradient: derivatives by parameters of build need the states of all steps; leave keep_every out")
         assert self._stretch is not None
         forces = self.model.slider_forces
-        held = np.zeros(0, np.int64)
+        stuck = np.zeros(0, np.int64)
         if forces is not None:
-            held = np.flatnonzero(forces.hold_by_friction & np.any(self._stretch.sign == 0, axis=0))
-        if held.size:
-            raise SceneError(f"gradient: friction holds slider {self.model.names['sliders'][held[0]]!r} in some steps. For such "
+            stuck = np.flatnonzero(forces.hold_by_friction & np.any(self._stretch.sign == 0, axis=0))
+        if stuck.size:
+            raise SceneError(f"gradient: friction holds slider {self.model.names['sliders'][stuck[0]]!r} in some steps. For such "
                              "runs derivatives by parameters of build are not available, only those by sections, masses and "
                              "loads")
         return RunFamily(self.model, dict.fromkeys(name for name, _ in rows), build, values, scale)
@@ -356,7 +356,7 @@ class AdjointRun(Doubts):
         return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.positions, sums.turns,
                            sums.gravity, factors, pushes, sliders, by)
 
-    def _rows_of(self, given: Mapping[str, ArrayLike], is_rate: bool) -> dict[tuple[str, bool], Array]:
+    def _weights_of_points(self, given: Mapping[str, ArrayLike], is_rate: bool) -> dict[tuple[str, bool], Array]:
         """Return weights of points [n + 1, 3], by their names and whether they are of velocities."""
         out = {}
         for name, value in given.items():

@@ -223,12 +223,12 @@ def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], loa
         if point.across(change, 1.0 / family.steps[name]) > ACROSS:
             by[name] = np.nan
             continue
-        way = point.solved(change)
-        by[name] = -float(family.slope(name, [point.curvature(x) for x in around(name, way)])) / by_load
-    motion = np.asarray(base.lift() @ point.null[:base.nodes]).reshape(-1, 4, 3)
-    spins = 0.5 * np.cross(base.state.q.reshape(-1, 4, 3)[:, 1:], motion[:, 1:]).sum(axis=1)
-    largest = float(np.max(np.linalg.norm(motion[:, 0], axis=1))) or float(np.max(np.linalg.norm(spins, axis=1)))
-    return CriticalSlopes("limit" if point.is_limit else "bifurcation", load_factor, by, motion[:, 0] / largest, spins / largest)
+        direction = point.solved(change)
+        by[name] = -float(family.slope(name, [point.curvature(x) for x in around(name, direction)])) / by_load
+    mode = np.asarray(base.lift() @ point.null[:base.nodes]).reshape(-1, 4, 3)
+    spins = 0.5 * np.cross(base.state.q.reshape(-1, 4, 3)[:, 1:], mode[:, 1:]).sum(axis=1)
+    largest = float(np.max(np.linalg.norm(mode[:, 0], axis=1))) or float(np.max(np.linalg.norm(spins, axis=1)))
+    return CriticalSlopes("limit" if point.is_limit else "bifurcation", load_factor, by, mode[:, 0] / largest, spins / largest)
 
 
 def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_factor: float) -> float:

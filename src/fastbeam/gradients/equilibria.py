@@ -121,9 +121,9 @@ class Sensitivity(Doubts):
         way = self._solved(unbalanced)
         around = self._six(name, way)
         # nothing is unbalanced along the way: what the differences find there is their error, on another path than above
-        rest = self._solved(family.slope(name, [x.unbalanced() for x in around]))
-        size, error = (float(np.linalg.norm(base.weighed(x))) for x in (way, rest))
-        if error > WORST * size > 0.0 and base.size_of(rest) * family.steps[name] > AT_REST:
+        deviation = self._solved(family.slope(name, [x.unbalanced() for x in around]))
+        size, error = (float(np.linalg.norm(base.weighed(x))) for x in (way, deviation))
+        if error > WORST * size > 0.0 and base.size_of(deviation) * family.steps[name] > AT_REST:
             raise ConvergenceError(f"sensitivity: derivatives by parameter {name!r} have a relative error of {error / size:.2g}, "
                                    "because the scene reacts too strongly to differences of this size; give a smaller "
                                    "scale={...}", state=self.state)

@@ -123,7 +123,7 @@ class Family:
         """Return whether two models have the same parts, nodes, supports, joints and loads."""
         same = _parts(base) == _parts(other) and base.constraint_names == other.constraint_names
         same = same and base.reaction_names == other.reaction_names
-        same = same and np.array_equal(base.held_mask, other.held_mask) and len(base.load_times) == len(other.load_times)
+        same = same and np.array_equal(base.fixed_mask, other.fixed_mask) and len(base.load_times) == len(other.load_times)
         return same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
 
     def slope(self, name: str, six: Any) -> Array:

@@ -13,7 +13,7 @@ from fastbeam.gradients.parameters import CHANGES, Build, Family, numbers_of
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.adjoint.adjoint_border import Border
 from fastbeam.kernels.contact.curves import Curves, Paths
-from fastbeam.model.connections import held_axes
+from fastbeam.model.connections import fixed_axes
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
@@ -151,10 +151,10 @@ def _move_supports(run: Backward, own: Backward, q: Array, v: Array, dphi: Array
     times = np.append(run.times, run.times[-1] + run.h)
     given, before = (x.core.prescribed.schedule(times, x.stepper.prescribed) for x in (own, run))
     masks = own.stepper.prescribed.mask
-    held = held_axes(masks)
+    fixed_components = fixed_axes(masks)
     v[0, model.prescribed.nodes] = model.v0.reshape(-1, 4, 3)[model.prescribed.nodes]
     for node, k in zip(model.prescribed.nodes, model.prescribed.motion_of_node):
-        more = np.where(held[k], given[:, k, :3] - before[:, k, :3], 0.0)
+        more = np.where(fixed_components[k], given[:, k, :3] - before[:, k, :3], 0.0)
         q[1:, node, 0] += np.cumsum(more, axis=0)
         dphi[:, node] += more
         if masks[k] & 56:

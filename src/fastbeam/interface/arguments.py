@@ -391,8 +391,8 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
     @wraps(function)
     def call(*args: Any, **given: Any) -> Any:
         own, args = args[:bound], args[bound:]
-        rest = args[len(positional):]
-        if rest and every is None:
+        extra = args[len(positional):]
+        if extra and every is None:
             others = [n for n in known()[0] if n not in positional]
             raise SceneError(f"{_subject(function, own, given)}: takes {listed(positional)} without a name, got {len(args)} "
                              f"arguments; give the others by name: {listed(others, '=...')}")
@@ -413,14 +413,14 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
                     given[name] = kind(given[name])
             if every in kinds:
                 name = every
-                rest = tuple(kinds[every](value) for value in rest)
+                extra = tuple(kinds[every](value) for value in extra)
         except Refusal as refusal:
             who = _subject(function, own, given)
             what = f"{who}, {name}:" if who == function.__name__ else f"{who}:" if name == every else f"{who}: {name}"
             raise SceneError(f"{what} {refusal}") from refusal.__cause__
         for name, value in defaults.items():
             given.setdefault(name, value)
-        return function(*own, *rest, **given)
+        return function(*own, *extra, **given)
 
     call.kinds = kinds  # type: ignore[attr-defined]
     return call

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, given_way, grown, scales, stiffest
+from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, regularised, grown, scales, stiffest
 from fastbeam.linalg.factors import factoriser_for
 
 Array = np.ndarray
@@ -30,8 +30,8 @@ def with_still(pencil: Pencil, forces: Array) -> Pencil:
     still = still.tocsc()[:, quiet]
     product = pencil.mass @ still
     weight = np.asarray(product.multiply(still).sum(axis=0)).reshape(-1)
-    held = product @ sparse.diags(stiffest(pencil) / weight) @ product.T
-    return pencil._replace(stiffness=(pencil.stiffness + grown(held.tocsr(), pencil.multiplier.size)).tocsr())
+    regularised = product @ sparse.diags(stiffest(pencil) / weight) @ product.T
+    return pencil._replace(stiffness=(pencil.stiffness + grown(regularised.tocsr(), pencil.multiplier.size)).tocsr())
 
 
 class DynamicStiffness:
@@ -141,7 +141,7 @@ class Solver:
         once, self.scale = scales(size, True, of.pencil)
         idle = ~of.multiplier & (size.diagonal() == 0.0)
         draw = np.random.default_rng(1).standard_normal((2, 2, of.multiplier.size))
-        self._factors = given_way(matrix if np.any(matrix.data.imag) else matrix.real, of.factoriser,
+        self._factors = regularised(matrix if np.any(matrix.data.imag) else matrix.real, of.factoriser,
                                   LIMITS._replace(round_off=round_off, last_bits=0.0), (once * self.scale, self.scale),
                                   of.multiplier, idle, draw[0] + 1j * draw[1])
         if self._factors.by is not None:

@@ -26,7 +26,7 @@ LIMITS = Limits(1e-13, 1e-6, np.inf, 1e-12, 3, 19, last_bits=2.0 * np.finfo(floa
 # share of the largest entry of a column from which on SuperLU takes the one on the diagonal: without exchanges pivots are counted
 FEW = 0.01
 # share of a right-hand side that GIVE may take up: factors whose pivots were moved leave more between dependent constraints
-GIVEN_WAY = 1e-3
+PROXIMAL = 1e-3
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
 # largest ratio of the lowest nonzero eigenvalue and the shift if there are zero eigenvalues; beyond, the shift is moved
@@ -94,8 +94,9 @@ class Shifted:
         massless[:k] = pencil.mass.diagonal() == 0.0
         by = factoriser_for(backend, symmetric=pencil.is_symmetric, matching=bordered, order=order)
         draw = np.random.default_rng(1).standard_normal((2 * BLOCK, n))
-        self._factors = given_way(with_diagonal(matrix), by, LIMITS, (once * self.scale, self.scale), pencil.multiplier, massless,
-                                  draw, GIVEN_WAY)
+        self._factors = regularised(with_diagonal(matrix), by, LIMITS, (once * self.scale, self.scale), pencil.multiplier,
+                                    massless,
+                                  draw, PROXIMAL)
         of = self._factors.by
         assert of is not None
         self.order, self.name, negative = of.order, of.name, of.negative
@@ -109,7 +110,7 @@ class Shifted:
         return x.T
 
 
-def given_way(matrix: Any, by: Factoriser | None, limits: Limits, scales: tuple[Array, Array], multiplier: Array, idle: Array,
+def regularised(matrix: Any, by: Factoriser | None, limits: Limits, scales: tuple[Array, Array], multiplier: Array, idle: Array,
               draw: Array, most: float = np.inf) -> Factors:
     """Factor a matrix whose constraints may be dependent, and with coordinates, bool `idle` [n], without stiffness.
 
@@ -206,16 +207,16 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             h = np.pad(h, (0, more))
         basis[:, m:m + b] = block
         known = basis[:, :m + b]
-        block, weighed, rest, h[:m + b, m:m + b] = orthonormal(inverse.on(weighed), known, mass)
+        block, weighed, remainder, h[:m + b, m:m + b] = orthonormal(inverse.on(weighed), known, mass)
         m += b
-        if rest.size:
-            h[m:m + len(rest), m - b:m] = rest
+        if remainder.size:
+            h[m:m + len(remainder), m - b:m] = remainder
         if m < look and m < most and block.shape[1]:
             continue
         # to solve a small projected matrix in every iteration would take longer than the iteration
         look = int(GROWTH * m)
         values, y = _ritz(h[:m, :m], pencil.is_symmetric)
-        error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
+        error = np.linalg.norm(remainder @ y[m - b:], axis=0) if remainder.size else np.zeros(m)
         good = error <= CONVERGED * np.abs(values)
         picks, done, better = _enough(values, good, factors, n)
         if better is not None and may_move:

@@ -367,7 +367,7 @@ class Factors:
             self._advance()
         while self.by is not None:
             solve = partial(self.solve_roughly, transposed=transposed)
-            x, self.residual = refined(solve, self._rest_of(b, transposed), b, self.limits)
+            x, self.residual = refined(solve, self._residual_of(b, transposed), b, self.limits)
             if self._is_accepted(x, b, transposed):
                 if not most_given < np.inf or self._given(x) <= most_given * float(np.max(np.abs(b), initial=0.0)):
                     return x
@@ -403,22 +403,22 @@ class Factors:
         """Go on to the next solver that factors the matrix."""
         self.by, self._least, by = None, -1.0, self._factoriser
         while self.by is None and self._ways:
-            way = self._ways.pop(0)
+            strategy = self._ways.pop(0)
             self.factorisations += 1
-            if not isinstance(way, bool):
-                held = with_values(self.matrix, self._held).tocsc()
-                self.by = found = lu(held, way, LEAST_PIVOT if self.limits.is_strict else 0.0)
+            if not isinstance(strategy, bool):
+                regularised = with_values(self.matrix, self._held).tocsc()
+                self.by = found = lu(regularised, strategy, LEAST_PIVOT if self.limits.is_strict else 0.0)
                 self._last = found or self._last
-                if way and by is not None:
+                if strategy and by is not None:
                     by.refused += 1
             elif by is not None:
-                self.by = by if by.factor(self.matrix, self._held, way) else None
+                self.by = by if by.factor(self.matrix, self._held, strategy) else None
                 self._number = by.count
-                if by.is_fresh and not way:
+                if by.is_fresh and not strategy:
                     # another analysis would be the same
                     self._ways.pop(0)
 
-    def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array, Array, Array], Any]:
+    def _residual_of(self, b: Array, transposed: bool) -> Callable[[Array, Array, Array], Any]:
         """Return the function that puts residuals b - A x of the scaled matrix into an array, given x and right-hand sides such
         as b."""
         if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.data.dtype.kind):
@@ -440,9 +440,9 @@ class Factors:
             return False
         matrix = abs(self.scaled.T if transposed else self.scaled)
         terms = float(np.max((matrix @ np.abs(x).T).T + np.abs(b)))
-        rest = np.empty_like(x)
-        self._rest_of(b, transposed)(x, b, rest)
-        return float(np.max(np.abs(rest))) <= self.limits.round_off * terms
+        remainder = np.empty_like(x)
+        self._residual_of(b, transposed)(x, b, remainder)
+        return float(np.max(np.abs(remainder))) <= self.limits.round_off * terms
 
     def _given(self, x: Array) -> float:
         """Return the part of the right-hand sides that `give` takes up at multipliers."""
@@ -472,9 +472,9 @@ def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array, Array, Ar
     x = best = solve(right)
     worst = np.inf
     for k in range(limits.most + 1):
-        rest = np.empty(x.shape, x.dtype)
-        rest_of(x, right, rest)
-        norms = _norms(rest)
+        remainder = np.empty(x.shape, x.dtype)
+        rest_of(x, right, remainder)
+        norms = _norms(remainder)
         left = float(np.maximum.reduce(norms / size, axis=None))
         if not left < worst:
             break
@@ -483,7 +483,7 @@ def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array, Array, Ar
             break
         if limits.last_bits and left <= CLEAR and np.all(norms <= limits.last_bits * _norms(x)):
             break
-        x = x + solve(rest)
+        x = x + solve(remainder)
     return best, worst
 
 

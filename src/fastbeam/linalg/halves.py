@@ -39,9 +39,9 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
     between = np.unique(indices[across]) if across.any() else np.flatnonzero(place == n // 2)
     if between.size > min(MOST_BETWEEN, SHARE_BETWEEN * n):
         return None
-    rest = np.ones(n, bool)
-    rest[between] = False
-    return np.flatnonzero(rest & (place < n // 2)), np.flatnonzero(rest & (place >= n // 2)), between
+    outside = np.ones(n, bool)
+    outside[between] = False
+    return np.flatnonzero(outside & (place < n // 2)), np.flatnonzero(outside & (place >= n // 2)), between
 
 
 def unknowns(nodes: Array, size: int) -> Array:

@@ -111,12 +111,12 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     rows = sparse.diags(1.0 / size) @ rows
     weight = unit @ mass @ unit
     exact = sparse.bmat([[weight, rows.T], [rows, None]]).tocsr()
-    held = exact + sparse.diags(np.concatenate((np.full(n, hold), np.full(m, -give))))
-    factors = lu(held)
+    regularised = exact + sparse.diags(np.concatenate((np.full(n, hold), np.full(m, -give))))
+    factors = lu(regularised)
     assert factors is not None, "what is held is regular"
     start = np.concatenate((given * np.sqrt(scale), np.zeros(m)))
     pull = weight @ start[:n] if momentum is None else weight @ start[:n] + unit @ momentum
     goal = np.concatenate((pull, right / size))
     off = goal - exact @ start
-    kept = start + refined(factors.solve, lambda x, b, rest_out: np.subtract(b, exact @ x, out=rest_out), off, LIMITS)[0]
-    return kept[:n] / np.sqrt(scale), -kept[n:] / size
+    solution = start + refined(factors.solve, lambda x, b, rest_out: np.subtract(b, exact @ x, out=rest_out), off, LIMITS)[0]
+    return solution[:n] / np.sqrt(scale), -solution[n:] / size

@@ -53,15 +53,15 @@ def _one_by_one(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array,
     # column by column: products with some columns of an array by rows have crashed in OpenBLAS
     q = np.zeros(x.shape, order="F")
     r = np.zeros((m, m))
-    kept = 0
+    count = 0
     for j in range(m):
         column = x[:, j].copy()
         weighed = mass @ column
         last = float(norms(column, weighed))
         while True:
-            part = q[:, :kept].T @ weighed
-            column -= q[:, :kept] @ part
-            r[:kept, j] += part
+            part = q[:, :count].T @ weighed
+            column -= q[:, :count] @ part
+            r[:count, j] += part
             weighed = mass @ column
             size = float(norms(column, weighed))
             if size > 0.5 * last or not size > NOTHING * sizes[j]:
@@ -72,7 +72,7 @@ def _one_by_one(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array,
             last = size
         if not size > max(NOTHING * float(sizes[j]), TINY):
             continue
-        q[:, kept] = column / size
-        r[kept, j] = size
-        kept += 1
-    return q[:, :kept], r[:kept]
+        q[:, count] = column / size
+        r[count, j] = size
+        count += 1
+    return q[:, :count], r[:count]

@@ -163,10 +163,10 @@ def breadth_first(n: int, coupled: Array) -> Array:
             found, came = csgraph.breadth_first_order(graph, root, directed=False)
             root = found[-1]
             if turn == 1:
-                way = [root]
-                while came[way[-1]] >= 0:
-                    way.append(came[way[-1]])
-                root = way[(len(way) - 1) // 2]
+                route = [root]
+                while came[route[-1]] >= 0:
+                    route.append(came[route[-1]])
+                root = route[(len(route) - 1) // 2]
         rank[found] = n - 1 - done - np.arange(found.size)
         done += found.size
     return rank
@@ -184,8 +184,8 @@ def widen(pattern: Pattern, level: Array, row_root: Array) -> Pattern:
     own = row_root == np.arange(level.size)
     row_of = np.empty(level.size, np.int64)
     row_of[(level == 0) & own] = pattern.row_of
-    rest = np.flatnonzero((level > 0) & own)
-    row_of[rest[np.argsort(level[rest], kind="stable")]] = pattern.n + np.arange(rest.size)
+    remaining = np.flatnonzero((level > 0) & own)
+    row_of[remaining[np.argsort(level[remaining], kind="stable")]] = pattern.n + np.arange(remaining.size)
     return Pattern(row_of[row_root], pattern.keys, pattern.plan, pattern.n, pattern.coupled)
 
 

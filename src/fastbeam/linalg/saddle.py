@@ -99,7 +99,7 @@ class Saddle(Factors):
         if right.shape[1]:
             by, asked = self._near, left.T @ b
             met = b - left @ asked
-            rest_of = self._rest_of(met, transposed)
+            rest_of = self._residual_of(met, transposed)
 
             def solved(rest: Array) -> Array:
                 x = by.solve(rest, transposed)

@@ -122,12 +122,12 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     root = root_of[touched]
     c = (directors[root] @ (phi[touched] - phi[root])[:, :, None])[:, :, 0]
     offset[touched] = np.where(np.abs(c) > tolerance, c, 0.0)
-    out.held = _held_roots(held, touched, root_of, offset, labels)
+    out.held = _supported_roots(held, touched, root_of, offset, labels)
     name = partial(_joint_name, balls, ball, labels)
     out.loops = _loops(root_of, ball, offset, out.held, name)
     base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
     trees = _Trees(root_of, offset, base, arms)
-    _check_held_joints(trees, ball, out, name, labels)
+    _check_fixed_joints(trees, ball, out, name, labels)
     slave = touched[(touched != root) | (base[root] != root)]
     root = root_of[slave]
     turns = (slave != root) & (rank[slave] != 9)
@@ -154,7 +154,7 @@ class _Trees(NamedTuple):
     arms: dict[int, list[tuple[int, Array]]]    # offsets in triads from there on, for the roots that have any
 
 
-def _held_roots(held: Array, touched: Array, root_of: Array, offset: Array, labels: Sequence[str]) -> Array:
+def _supported_roots(held: Array, touched: Array, root_of: Array, offset: Array, labels: Sequence[str]) -> Array:
     """Pass pins of nodes on to their roots: masks of supports, int [n].
 
     Raises SceneError: a pin at a distance from a root that may turn.
@@ -172,7 +172,7 @@ def _joint_name(balls: list[tuple[int, int, str]], ball: Array, labels: Sequence
     return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
 
 
-def _check_held_joints(trees: _Trees, ball: Array, out: Connections, name: Callable[[int], str], labels: Sequence[str]) -> None:
+def _check_fixed_joints(trees: _Trees, ball: Array, out: Connections, name: Callable[[int], str], labels: Sequence[str]) -> None:
     """Refuse ball joints that close loops between sides which nothing can move. Raises SceneError."""
     a, b = ball[out.loops].T
     fixed = _fixed_axes(trees, a, out.held) & _fixed_axes(trees, b, out.held)
@@ -255,12 +255,12 @@ def searched(edges: Array, top: Array, n: int) -> tuple[Array, Array]:
     return reached[1:], np.where(before == n, -1, before)
 
 
-def held_axes(held: Array) -> Array:
+def fixed_axes(held: Array) -> Array:
     """Return which components of positions are fixed, bool [n, 3], from masks [n]."""
     return (held[:, None] >> np.arange(3)) & 1 != 0
 
 
-def held_in_plane(held: Array, axes: Array) -> Array:
+def fixed_in_plane(held: Array, axes: Array) -> Array:
     """Return masks of the three unknowns in a plane from masks of six, int [*]: the turn where all three spins are fixed, a
     position along an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
     out = np.where(held & HOLD_TRIAD == HOLD_TRIAD, 4, 0)

@@ -41,7 +41,7 @@ class Gaps(NamedTuple):
         return float((self.rates[3 * k:3 * k + 3] @ v) @ tangent / (tangent @ tangent))
 
 
-class GapRows:
+class ConstraintGaps:
     """Evaluator of the gaps of all constraints of a model.
 
     model: Model with tables in space.

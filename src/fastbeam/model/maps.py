@@ -105,7 +105,7 @@ def spin_map(model: Model) -> Any:
 
 def free_unknowns(model: Model, state: State | None = None) -> Array:
     """Return the numbers 6 node + c of the free unknowns; for nodes that share a row, of the first node."""
-    free = (model.held_in(state)[:, None] >> np.arange(6)) & 1 == 0
+    free = (model.fixed_in(state)[:, None] >> np.arange(6)) & 1 == 0
     first = np.unique(model.pattern.row_of, return_index=True)[1]
     free[np.setdiff1d(np.arange(model.n_nodes), first)] = False
     return np.flatnonzero(free.reshape(-1))
@@ -168,8 +168,8 @@ def free_of_rows(model: Model) -> Array:
     size = len(model.dofs)
     free = np.ones((model.pattern.n, size))
     if model.static_held is not None:
-        held = model.static_held.mask[:, None] >> np.arange(size) & 1
-        free[model.static_held.row] *= 1 - held
+        fixed = model.static_held.mask[:, None] >> np.arange(size) & 1
+        free[model.static_held.row] *= 1 - fixed
     return free.reshape(-1)
 
 

@@ -29,7 +29,7 @@ from fastbeam.model.feature import Feature
 from fastbeam.model.features import WithFeatures
 from fastbeam.model.fingerprint import fingerprint_of
 from fastbeam.model.holding import Holding
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.model.loading import Loading, Remarks
 from fastbeam.model.mapping import state_for
 
@@ -54,7 +54,7 @@ class Model(WithFeatures):
     carriers: Carriers | None
     bodies: Bodies | PlanarBodies | None
     links: tuple[Any, ...]  # tables of springs and other links between two points, one of each kind
-    kept: list[KeptLink]  # joints with multipliers, in the order of their constraints behind the sliders
+    kept: list[ConstrainedJoint]  # joints with multipliers, in the order of their constraints behind the sliders
     kept_softness: Array  # float64 [J]: share of 1/a, theory.md (5.5), in the equations of each of these joints
     ties: Ties | PlanarTies | None
     held: Held | None
@@ -96,13 +96,13 @@ class Model(WithFeatures):
         return self.find_holding()
 
     @property
-    def held_mask(self) -> Array:
+    def fixed_mask(self) -> Array:
         """Unknowns of every node that are fixed at the start, one bit for each of the six, int64 [N]; those of slave nodes count
         as fixed."""
-        return self.held_in(None)
+        return self.fixed_in(None)
 
-    def held_in(self, state: State | None) -> Array:
-        """Return the mask of fixed unknowns as in `held_mask`, with the supports that have let go or taken hold in a state."""
+    def fixed_in(self, state: State | None) -> Array:
+        """Return the mask of fixed unknowns as in `fixed_mask`, with the supports that have let go or taken hold in a state."""
         of_row = np.zeros(self.n_nodes, np.int64)
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
@@ -126,10 +126,10 @@ class Model(WithFeatures):
     @property
     def reaction_names(self) -> list[str]:
         """Names of supports, eliminated joints and joints with multipliers, in the order of their reactions."""
-        return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]
+        return [*self.holding.support_names, *self.holding.joint_names, *self.constrained_joint_names]
 
     @property
-    def kept_names(self) -> list[str]:
+    def constrained_joint_names(self) -> list[str]:
         """Names of the joints with multipliers; a joint may be several links."""
         return list(dict.fromkeys(link.joint for link in self.kept))
 
@@ -258,7 +258,7 @@ class Model(WithFeatures):
     @property
     def own_unknowns(self) -> int:
         """Number of scalar unknowns of these tables, whether or not the scene has a plane."""
-        return len(self.dofs) * self.n_rows - self.n_held + self.n_forces + self.n_sliders
+        return len(self.dofs) * self.n_rows - self.n_fixed + self.n_forces + self.n_sliders
 
     @property
     def n_rows(self) -> int:
@@ -266,7 +266,7 @@ class Model(WithFeatures):
         return int(self.pattern.row_of.max()) + 1
 
     @property
-    def n_held(self) -> int:
+    def n_fixed(self) -> int:
         """Number of fixed unknowns, those of slave nodes included."""
         return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(len(self.dofs)) & 1))
 

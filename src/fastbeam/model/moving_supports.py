@@ -9,7 +9,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.moving_supports import MovedRows, Prescribed, PrescribedSchedule
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods
-from fastbeam.model.connections import Connections, held_axes, held_in_plane
+from fastbeam.model.connections import Connections, fixed_axes, fixed_in_plane
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.numbering import NodeList
@@ -82,7 +82,7 @@ class PrescribedMotions(Feature):
         m, size = len(self.motions), 6 if plane is None else 3
         # supports with since= do not hold yet
         masks = np.where([motion.since is None for motion in self.motions], self.masks, 0)
-        masks = masks if plane is None else held_in_plane(masks, plane.axes)
+        masks = masks if plane is None else fixed_in_plane(masks, plane.axes)
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           empty((m, size)), empty((m, size)), np.zeros(1, np.int64), empty(4))
 
@@ -144,8 +144,8 @@ class PrescribedMotions(Feature):
     def _check_plane(motion: PrescribedMotion, given: Array, normal: Array, times: Array) -> None:
         across = given[:, 3:] - (given[:, 3:] @ normal)[:, None] * normal
         off = np.abs(given[:, :3] @ normal) + np.linalg.norm(across, axis=1)
-        way = float(np.max(np.linalg.norm(given[:, :3], axis=1) + np.linalg.norm(given[:, 3:], axis=1), initial=0.0))
-        if np.any(off > OUT_OF_PLANE * way + 1e-15):
+        extent = float(np.max(np.linalg.norm(given[:, :3], axis=1) + np.linalg.norm(given[:, 3:], axis=1), initial=0.0))
+        if np.any(off > OUT_OF_PLANE * extent + 1e-15):
             raise SceneError(f"{motion.label}: it moves out of the plane of the scene in the step from t = "
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
@@ -204,7 +204,7 @@ def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: fl
     found = PrescribedMotions(scene.prescribed, nodes, joints)
     for motion, node in zip(found.motions, found.own.tolist()):
         if motion.position is not None:
-            gap = float(np.linalg.norm((motion.place(0.0) - nodes.phi[node])[held_axes(np.array([motion.mask]))[0]]))
+            gap = float(np.linalg.norm((motion.place(0.0) - nodes.phi[node])[fixed_axes(np.array([motion.mask]))[0]]))
             if gap > AT_START * length:
                 raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; let it begin there, "
                                  "or give displacement")

@@ -11,7 +11,7 @@ from fastbeam.kernels.beams.nodes import Held
 from fastbeam.kernels.state import State
 from fastbeam.linalg.pattern import Pattern
 from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods, without_adjoint
-from fastbeam.model.connections import held_in_plane
+from fastbeam.model.connections import fixed_in_plane
 from fastbeam.model.feature import Feature
 
 Array = np.ndarray
@@ -96,7 +96,7 @@ class Released(Feature):
 
     def in_plane(self, plane: Any, model: Any, constraints: int) -> Released:
         """Return a copy for the unknowns in a plane."""
-        mask, always = (held_in_plane(x, plane.axes) for x in (self.mask, self.always))
+        mask, always = (fixed_in_plane(x, plane.axes) for x in (self.mask, self.always))
         return replace(self, mask=mask, always=always, spin=4)
 
     def masks(self, off: Array) -> tuple[Array, Array]:

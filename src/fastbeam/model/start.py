@@ -14,8 +14,8 @@ from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
-from fastbeam.model.connections import HOLD_TRIAD, components, held_axes
-from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.connections import HOLD_TRIAD, components, fixed_axes
+from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import follow, turned
@@ -185,16 +185,16 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", off * speed + noise, most)
         add("the spin of {}, times the size of the scene, is", (v - rate)[led, 1:] * length, led, "m/s", off * speed + noise,
             most)
-    held = _standing(model, state)
+    supported = _standing(model, state)
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
-        still = np.flatnonzero(held & bits != 0)
-        axes = held_axes(held[still])[:, None] if bits == 7 else length
+        still = np.flatnonzero(supported & bits != 0)
+        axes = fixed_axes(supported[still])[:, None] if bits == 7 else length
         add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, most)
     for motion, node in moving_supports(model, state) if t is not None else ():
         rates = np.array(motion.rates(t))
         off = velocities_and_spins(q[node], v[node]).reshape(2, 3) - rates
-        off *= held_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
+        off *= fixed_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
         size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
         # a state of solve_static is accepted as it is: it raises an event, and is mended on request
         told = SIDEWAYS * max(speed, float(np.linalg.norm(rates[0]))) + noise
@@ -207,9 +207,9 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         out.append(Misfit(moves, rate * per, "m/s", UNTRUE * speed + noise, np.inf, SIDEWAYS * speed + noise))
     of_momenta = model.momenta_misfit(state)
     if of_momenta > 0.0:
-        rest = AT_REST * length / step
+        allowance = AT_REST * length / step
         out.append(Misfit("velocities, relative to those from the momenta of moving meshes and added mass, are", of_momenta,
-                          "m/s", EDITED * speed + rest, np.inf, SIDEWAYS * speed + rest,
+                          "m/s", EDITED * speed + allowance, np.inf, SIDEWAYS * speed + allowance,
                           "the momenta are used; set velocities of the parts in the scene instead"))
     return out
 
@@ -219,7 +219,7 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
     angle."""
     if not model.n_constraints:
         return
-    rows = GapRows(model)
+    rows = ConstraintGaps(model)
     values, by_rates, tangents = rows.at(state.q, state.s)
     rates, names, away = by_rates @ state.v, model.names["sliders"], off_beam(model, state)
     for k in np.flatnonzero(~away).tolist():
@@ -285,22 +285,22 @@ def _joint_of(model: Model, node: int) -> str:
 def _standing(model: Model, state: State) -> Array:
     """Return the unknowns of every node that a support at rest fixes, bit by bit, int64 [N]; nodes that follow others only in
     position have their own triad."""
-    held = model.held_in(state)
-    held[_follows(model)] &= HOLD_TRIAD
-    held[_led(model) != np.arange(held.size)] = 0
+    supported = model.fixed_in(state)
+    supported[_follows(model)] &= HOLD_TRIAD
+    supported[_led(model) != np.arange(supported.size)] = 0
     if model.prescribed is not None:
         for motion, node in zip(model.prescribed.motions, model.prescribed.own):
-            held[model.pattern.row_of == model.pattern.row_of[node]] &= ~motion.mask
-    return held
+            supported[model.pattern.row_of == model.pattern.row_of[node]] &= ~motion.mask
+    return supported
 
 
 def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
     """Return the motions that hold their nodes from the start on, with these nodes; not those with `since`, which take hold
     wherever their nodes are then."""
-    return [(motion, node) for _, motion, node in active_motions(model, state) if motion.since is None]
+    return [(motion, node) for _, motion, node in active_supports(model, state) if motion.since is None]
 
 
-def active_motions(model: Model, state: State) -> list[tuple[int, Any, int]]:
+def active_supports(model: Model, state: State) -> list[tuple[int, Any, int]]:
     """Return the motions of supports that hold now: number, motion and node."""
     if model.prescribed is None:
         return []
@@ -320,7 +320,7 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
     more = {} if model.prescribed is None else model.prescribed.more_turns(model.turns_of(state.history), t)
     for motion, node in moving_supports(model, state):
         place = motion.place(t) if motion.position is not None else q0[node, 0] + motion.place(t) - motion.place(0.0)
-        away = float(np.linalg.norm(np.where(held_axes(np.array([motion.mask]))[0], q[node, 0] - place, 0.0)))
+        away = float(np.linalg.norm(np.where(fixed_axes(np.array([motion.mask]))[0], q[node, 0] - place, 0.0)))
         turn = motion.turn(t) @ motion.turn(0.0).T
         angle = _turned_by(q[node, 1:], q0[node, 1:] @ turn.T) if motion.rotation is not None else 0.0
         angle = max(angle, more.get(motion.name, 0.0))
@@ -342,9 +342,9 @@ def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """Return events for supports whose nodes in the state are not at their places in the model: they hold them there."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
     # nodes of supports that have taken hold stand elsewhere
-    held = _standing(model, state) & model.held_mask
-    away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
-    turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
+    supported = _standing(model, state) & model.fixed_mask
+    away = np.linalg.norm(np.where(fixed_axes(supported), off[:, 0], 0.0), axis=1)
+    turned = np.where((supported == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
     out = []
     if away[k] > TIED * (model.length + float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3])))):
@@ -368,7 +368,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     if off_beam(model, state).any():
         raise SceneError("start, mend: a slider is off its beam, which cannot be corrected; start from the state of a run "
                          "without mend")
-    q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), GapRows(model)
+    q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), ConstraintGaps(model)
     _close_rigidly(model, rows, state, q, s)
     q = follow(model, q)
     inertia = mass_map(model)
@@ -395,7 +395,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     return out
 
 
-def _close_rigidly(model: Model, rows: GapRows, state: State, q: Array, s: Array) -> None:
+def _close_rigidly(model: Model, rows: ConstraintGaps, state: State, q: Array, s: Array) -> None:
     """Move parts as rigid bodies, and sliders along their beams, until connections and joints are closed, or as far as
     possible."""
     inertia, before, part = mass_map(model), np.inf, model.numbers.part
@@ -444,10 +444,10 @@ def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
     of, to = ((6 * k[:, None] + np.arange(3, 6)).reshape(-1) for k in (led, leads[led]))
     rows.append(unit[to] - unit[of])
     off.append(0.5 * np.cross(q[led, 1:], place[led, 1:]).sum(axis=1).reshape(-1))
-    held = _standing(model, state)
-    for _, motion, node in active_motions(model, state):
-        held[node] |= motion.mask
-    still = np.flatnonzero((held[:, None] >> np.arange(6) & 1).reshape(-1))
+    supported = _standing(model, state)
+    for _, motion, node in active_supports(model, state):
+        supported[node] |= motion.mask
+    still = np.flatnonzero((supported[:, None] >> np.arange(6) & 1).reshape(-1))
     rows.append(unit[still])
     off.append(np.zeros(still.size))
     return sparse_rows(*rows), np.concatenate(off), still
@@ -464,12 +464,12 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     given = velocities_and_spins(q0, v0)
     for motion, node in moving_supports(model, state):
         rates = np.concatenate(motion.rates(t))
-        bits = np.append(held_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
+        bits = np.append(fixed_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
         given[node, bits] = rates[bits]
     fixed = given.reshape(-1).copy()
     given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
     to_rates = velocity_map(q)
-    rows = GapRows(model)
+    rows = ConstraintGaps(model)
     gaps, at_start = rows.at(state.q, state.s), rows.at(model.q0, model.s0)
     goals = []
     for k, tangent in enumerate(gaps.tangents):
@@ -541,7 +541,7 @@ def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
             for name in slack if f"spring {name!r}" in names]
 
 
-def _after_impact(model: Model, rows: GapRows, state: State, q: Array, s: Array, t: float | None) -> Array:
+def _after_impact(model: Model, rows: ConstraintGaps, state: State, q: Array, s: Array, t: float | None) -> Array:
     """Return admissible rates [12 N] at coordinates q near to those of the state: only connections, joints and supports change
     momenta."""
     inertia = mass_map(model)
@@ -551,7 +551,7 @@ def _after_impact(model: Model, rows: GapRows, state: State, q: Array, s: Array,
     for motion, node in moving_supports(model, state) if t is not None else ():
         rates = np.concatenate(motion.rates(t))
         bits = (motion.mask >> np.arange(6) & 1).astype(bool)
-        bits[:3], bits[3:] = held_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
+        bits[:3], bits[3:] = fixed_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
         led_by[node, bits] = rates[bits]
     across, _ = _across(model, rows, q, s)
     lift, free = _lift(model, q, state)
@@ -611,24 +611,24 @@ def _moved_unknowns(model: Model, state: State) -> Array:
     """Return the numbers 6 node + c of the unknowns that supports move; for nodes that share a row, of the first node."""
     bits = np.zeros(model.n_nodes, np.int64)
     first = model.pattern.first_on_row
-    for _, motion, node in active_motions(model, state):
+    for _, motion, node in active_supports(model, state):
         bits[first[node]] |= motion.mask
     return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
 
 
-def _across(model: Model, rows: GapRows, q: Array, s: Array) -> tuple[Any, Array]:
+def _across(model: Model, rows: ConstraintGaps, q: Array, s: Array) -> tuple[Any, Array]:
     """Move s to the nearest points, and return the gaps across the curves [2 S], of joints with multipliers and of directions in
     sleeves: their matrix on the coordinates, sparse, and values."""
     from scipy import sparse
     of_sliders = 3 * np.arange(s.size)[:, None] + np.arange(3)
     for _ in range(20):
         gaps, tangents = rows.values(q.reshape(-1), s)
-        way = np.sum(gaps[of_sliders] * tangents, axis=1) / np.sum(tangents**2, axis=1)
+        increments = np.sum(gaps[of_sliders] * tangents, axis=1) / np.sum(tangents**2, axis=1)
         # moves of the size of round-off would make a sticking slider slip
-        moves = np.abs(way) > 1e-15 * model.slider_lengths
+        moves = np.abs(increments) > 1e-15 * model.slider_lengths
         if not moves.any():
             break
-        s[moves] = np.clip(s + way, *model.ends_at(s).T)[moves]
+        s[moves] = np.clip(s + increments, *model.ends_at(s).T)[moves]
     found = rows.at(q.reshape(-1), s)
     axes = [np.linalg.svd(tangent[None])[2][1:] for tangent in found.tangents]
     matrix = [sparse.csr_matrix(two) @ found.rates[at] for two, at in zip(axes, of_sliders)]

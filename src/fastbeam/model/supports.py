@@ -13,7 +13,7 @@ from fastbeam.kernels.beams.inner_nodes import ROWS
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.connections import components, held_axes
+from fastbeam.model.connections import components, fixed_axes
 from fastbeam.model.mapping import curve_at
 from fastbeam.model.model import Model
 from fastbeam.scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
@@ -56,7 +56,7 @@ def _known(model: Model, flat: bool, may_turn: bool) -> str | None:
 
 def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
     """Check the supports of a model; returns the result of `_known`."""
-    mask = model.held_mask
+    mask = model.fixed_mask
     if model.ties is not None:
         mask[model.ties.slave] = 0
     point = model.numbers.rank == 9
@@ -146,7 +146,7 @@ def _felt(arms: Array, held: Array, turns_held: bool) -> Array:
     its nodes; turns_held: whether a support holds a triad."""
     some = held & 7 != 0
     turn = np.cross(np.eye(3)[:, None], arms[some][None]).transpose(1, 2, 0)
-    felt = np.concatenate((np.broadcast_to(np.eye(3), turn.shape), turn), axis=2)[held_axes(held[some])]
+    felt = np.concatenate((np.broadcast_to(np.eye(3), turn.shape), turn), axis=2)[fixed_axes(held[some])]
     return np.concatenate((felt, np.eye(6)[3:])) if turns_held else felt
 
 
@@ -185,7 +185,7 @@ def check_turned(who: str, model: Model, node: int, held: Array) -> None:
 
 def standing_supports(model: Model) -> Array:
     """Return the unknowns of every node that its own support fixes, bit by bit, int64 [N]: none for slave nodes."""
-    held = model.held_mask
+    held = model.fixed_mask
     held[model.pattern.first_on_row != np.arange(model.n_nodes)] = 0
     if model.ties is not None:
         held[model.ties.slave] = 0

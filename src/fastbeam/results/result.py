@@ -76,8 +76,8 @@ class ResultHeader:
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
         """Return row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they
         are kept."""
-        kept = {"velocities": self.velocities, "spins": self.spins}
-        moving = {name: (self.n_nodes, 3) for name, there in kept.items() if there}
+        recorded = {"velocities": self.velocities, "spins": self.spins}
+        moving = {name: (self.n_nodes, 3) for name, there in recorded.items() if there}
         return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3), **moving}
 
 

@@ -158,7 +158,7 @@ class SweepFile:
             self._raw.close()
         if hasattr(self, "_new"):
             self._new.close()
-            _HELD[:] = [held for held in _HELD if held is not self._new]
+            _HELD[:] = [open_file for open_file in _HELD if open_file is not self._new]
 
     def _unwritable(self, error: BaseException) -> ResultFileError:
         return ResultFileError(f"sweep file '{self.path}': cannot be written ({' '.join(str(error).split())}); free disk space, "

@@ -36,7 +36,7 @@ OVERHEAD = 1 << 20
 # numbers in point and cell data `kind`
 KINDS = ("beam", "body", "mass", "slider")
 # methods whose shapes follow each other along loads, not in time
-NO_MOTION = ("static", "path")
+NOT_IN_TIME = ("static", "path")
 RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 
 
@@ -186,10 +186,10 @@ def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
     run kept, else slopes of the parabola through three shapes, at the first and last the nearest three; None where shapes are not
     those of a motion."""
     if result.velocities is not None:
-        kept = result.velocities
-        return "velocity", lambda k: kept[k]
+        recorded = result.velocities
+        return "velocity", lambda k: recorded[k]
     t, phi = result.t_snap, result.phi
-    if len(t) < 3 or str(result.info.get("method")) in NO_MOTION or not np.all(np.diff(t) > 0.0):
+    if len(t) < 3 or str(result.info.get("method")) in NOT_IN_TIME or not np.all(np.diff(t) > 0.0):
         return None
 
     def slope(k: int) -> Array:

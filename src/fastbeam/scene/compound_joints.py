@@ -31,7 +31,7 @@ from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 UPRIGHT = 1e-9
 Two, Three = tuple[float, float], tuple[float, float, float]
 Times = tuple[OfTimeLike | None, ...]
-TURN_AND_WAY, CROSS, IN_PLANE = ("one for the angle and one for the distance", "one for the angle about each arm",
+ANGLE_AND_DISTANCE, CROSS, IN_PLANE = ("one for the angle and one for the distance", "one for the angle about each arm",
                                  "two for the distances and one for the angle")
 NONE2, NONE3 = (None, None), (None, None, None)
 
@@ -43,7 +43,7 @@ def _sums(count: int, what: str) -> dict[str, Any]:
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, torque=OfTime("N m"), force=OfTime("N"), angle=OfTime("rad"),
-         distance=OfTime("m"), speed=times_of(2, TURN_AND_WAY, "rad/s or m/s"), **_sums(2, TURN_AND_WAY))
+         distance=OfTime("m"), speed=times_of(2, ANGLE_AND_DISTANCE, "rad/s or m/s"), **_sums(2, ANGLE_AND_DISTANCE))
 @noun
 class CylindricalJoint(OneAxisJoint):
     """Cylindrical joint: part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to

@@ -197,8 +197,8 @@ class FittedCurve:
         system = np.einsum("ij,ab->iajb", DERIVE, np.eye(3))
         system[np.arange(n), :, np.arange(n), :] += t[:, :, None] * t_x[:, None, :]
         system = system.reshape(3 * n, 3 * n)
-        rest = np.linalg.solve(system[3:, 3:], -system[3:, :3] @ r)
-        return np.concatenate([r[None], rest.reshape(DEGREE, 3)])
+        higher = np.linalg.solve(system[3:, 3:], -system[3:, :3] @ r)
+        return np.concatenate([r[None], higher.reshape(DEGREE, 3)])
 
     def _turn(self, r: Array, t_from: Array, t_to: Array, panel: int) -> Array:
         """Return r carried by the smallest rotation that takes t_from to t_to."""

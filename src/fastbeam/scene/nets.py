@@ -371,14 +371,14 @@ def _is_flat(words: Any) -> bool:
 def _lines(who: str, nodes: Array, edges: Array, d2: Any) -> tuple[Array, Array]:
     """Return lengths [m] and triads [m, 3, 3] of the beams, by the rules of `Beam.straight`."""
     x = nodes[edges]
-    way = x[:, 1] - x[:, 0]
-    length = np.linalg.norm(way, axis=1)
+    chord = x[:, 1] - x[:, 0]
+    length = np.linalg.norm(chord, axis=1)
     short = length <= 1e-14 * np.abs(x).max(axis=(1, 2))
     if short.any():
         k = int(np.argmax(short))
         raise SceneError(f"{who}: edge {k} joins nodes {edges[k, 0]} and {edges[k, 1]}, which coincide at "
                          f"{checks.shown(x[k, 0])}; a beam needs a length > 0 m")
-    d1 = way / length[:, None]
+    d1 = chord / length[:, None]
     if d2 is None:
         hint = np.stack((-d1[:, 1], d1[:, 0], np.zeros(len(d1))), axis=1)
         hint[np.hypot(d1[:, 0], d1[:, 1]) < 1e-6] = (0.0, 1.0, 0.0)

@@ -13,7 +13,7 @@ from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bodies import BallJoint, PointMass, RigidConnection
 from fastbeam.scene.checks import Array
 from fastbeam.scene.fixed import Ground
-from fastbeam.scene.relations import held_nodes, who
+from fastbeam.scene.relations import referenced_nodes, who
 from fastbeam.scene.sliders import Slider
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Placing:
         # positions of masses that were found
         self._known: dict[Any, Array] = {}
         for link in [*scene.sliders, *scene.balls, *scene.pinned, *scene.rigid]:
-            for node in held_nodes(link):
+            for node in referenced_nodes(link):
                 if isinstance(node.owner, PointMass):
                     self._table.setdefault(node.owner, []).append(link)
 
@@ -66,9 +66,9 @@ class Placing:
             if found is None:
                 raise SceneError(f"{owner.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
                                  "RigidConnection")
-            way, position = found
+            chain, position = found
             # all masses on the way have the same position
-            known.update(dict.fromkeys(way, position))
+            known.update(dict.fromkeys(chain, position))
         return known[owner]
 
     def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
@@ -96,21 +96,21 @@ class Placing:
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
         """Return the masses that lead from one without position to the first that something else places, not through another, and
         its position; None if nothing does."""
-        way, open_leads, visited = [mass], [self._leads(mass)], {mass, avoid}
+        chain, open_leads, visited = [mass], [self._leads(mass)], {mass, avoid}
         known = self._known if avoid is None else {}
-        while way:
+        while chain:
             for _, place, other in open_leads[-1]:
                 if other is None:
-                    return way, place()
+                    return chain, place()
                 if other in known:
-                    return way, known[other]
+                    return chain, known[other]
                 if other not in visited:
                     visited.add(other)
-                    way.append(other)
+                    chain.append(other)
                     open_leads.append(self._leads(other))
                     break
             else:
-                way.pop()
+                chain.pop()
                 open_leads.pop()
         return None
 

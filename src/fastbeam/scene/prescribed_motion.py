@@ -415,9 +415,9 @@ class Signal:
         return value
 
     def __repr__(self) -> str:
-        what, rests = "numbers" if self.values.ndim == 1 else "vectors", ", at rest outside" if self.rest else ""
-        rests = rests if self._outside is None else ", from accelerations"
-        return f"<signal: {len(self.times)} {what}, {self.begin:.6g} to {self.end:.6g} s{rests}>"
+        what, outside = "numbers" if self.values.ndim == 1 else "vectors", ", at rest outside" if self.rest else ""
+        outside = outside if self._outside is None else ", from accelerations"
+        return f"<signal: {len(self.times)} {what}, {self.begin:.6g} to {self.end:.6g} s{outside}>"
 
 
 def largest_kink(of: Signal, begin: float, end: float) -> tuple[float, float]:

@@ -30,7 +30,7 @@ def who(part: Any) -> str:
     return name if name.startswith(f"{part.kind} of ") else f"{part.kind} {name!r}"
 
 
-def held_nodes(part: Any) -> list[NodeRef]:
+def referenced_nodes(part: Any) -> list[NodeRef]:
     """Return the nodes that a support, joint, link or slider takes as points."""
     if isinstance(part, (Clamp, Pin, PrescribedMotion)):
         return [part.at]
@@ -43,7 +43,7 @@ def held_nodes(part: Any) -> list[NodeRef]:
 
 def owners(part: Any) -> list[Any]:
     """Return the beams, bodies and masses that a part refers to."""
-    found = [node.owner for node in held_nodes(part)]
+    found = [node.owner for node in referenced_nodes(part)]
     if isinstance(part, (Load, UserForce)):
         found.append(part.at if isinstance(part.at, Beam) else part.at.owner)
     if isinstance(part, Slider):

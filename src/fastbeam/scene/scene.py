@@ -38,7 +38,7 @@ from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.placing import Placing, extent_of
 from fastbeam.scene.prescribed_motion import PrescribedMotion
-from fastbeam.scene.relations import controllers_of, held_nodes, owners, who
+from fastbeam.scene.relations import controllers_of, referenced_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
@@ -302,7 +302,7 @@ class Scene(notebook.Parts):
     def _check_control_points(self) -> None:
         """Check that supports, joints and loads take no interior control points of a spline beam, which are no points of it."""
         for part in self.parts:
-            for node in [part.at] if isinstance(part, (Load, UserForce)) else held_nodes(part):
+            for node in [part.at] if isinstance(part, (Load, UserForce)) else referenced_nodes(part):
                 beam = None if isinstance(node, Beam) else node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
                     raise SceneError(f"{who(part)}: {node} is a control point, which does not lie on the beam; use its start or "

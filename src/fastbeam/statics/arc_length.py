@@ -28,7 +28,7 @@ LONGEST, AT_REST = 1.0, 1e-6
 EPSILON = float(np.finfo(float).eps)
 # at a critical point: most eigenvalues computed; share of the next one below which they vanish together; directions tried in each
 # dimension of their vectors; cosine from which two directions are the same
-MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
+MOST_TOGETHER, TOGETHER, TRIALS, PARALLEL = 6, 1e-5, 24, 0.9995
 # eigenvalues of a tangent without symmetry that are looked for, until two numbers tell the same number of negative ones
 NUMBERS = (6, 12, 24, 48)
 # largest imaginary part of a real eigenvalue, relative to the largest eigenvalue found
@@ -447,7 +447,7 @@ class PathSolver(SlidingSolver):
                 continue
             way = v.T @ (self.weight * self.gone)
             way /= np.linalg.norm(way)
-            if not ways or np.max(np.array(ways) @ way) < SAME_WAY:
+            if not ways or np.max(np.array(ways) @ way) < PARALLEL:
                 ways.append(way)
         self.restore(before)
         # opposite ones one after the other, as of a simple point

@@ -125,8 +125,8 @@ class SaddleSolver(StaticSolver):
         ambiguous."""
         if self.given is None:
             return False
-        holds, way = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
-        return bool(np.any(np.abs(way[holds.is_angle[holds.given]]) > HALF_TURN))
+        holds, increments = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
+        return bool(np.any(np.abs(increments[holds.is_angle[holds.given]]) > HALF_TURN))
 
     def hold_joints(self) -> None:
         """Prescribe the joint coordinates that are given, and fix those that friction and rigid stops hold."""
@@ -225,7 +225,7 @@ class SaddleSolver(StaticSolver):
         saddle, right = self._assembled(sliding, drag)
         n = self.nodes
         if self.free_motions.has_axes:
-            saddle = self._with_spins_held(saddle, right[:n])
+            saddle = self._with_spins_fixed(saddle, right[:n])
         for stiffness in (0.0, *STIFFNESSES):
             used = saddle.stiffened(stiffness) if stiffness else saddle
             x = used.solve(right)
@@ -242,7 +242,7 @@ class SaddleSolver(StaticSolver):
                 break
         return x, size, stiffness == 0.0
 
-    def _with_spins_held(self, saddle: Saddle, right: Array) -> Saddle:
+    def _with_spins_fixed(self, saddle: Saddle, right: Array) -> Saddle:
         """Fix one unknown of every beam that may spin about its axis; right: residual of the nodes [n]. Return the fixed
         system."""
         unknowns = self.free_motions.spins(saddle.matrix, self.state.q.reshape(-1, 4, 3), right, lambda: self._round_off(saddle))

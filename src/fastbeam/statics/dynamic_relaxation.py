@@ -33,7 +33,7 @@ from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.linear_response import place_events
 from fastbeam.statics.load_steps import stability
-from fastbeam.statics.moving_supports import StaticMotion
+from fastbeam.statics.moving_supports import SupportPath
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.outcome import Outcome
@@ -53,7 +53,7 @@ FIRST_TRY, LATER = 2, 1.5
 # an equilibrium may lie higher than the energy reached by this share of the energy lost in the motion
 HIGHER = 1e-9
 # supports that move go so far in a step, in sizes of the scene and rad, and by such a share of their way
-LONGEST_WAY, LARGEST_SHARE = 0.01, 0.05
+LARGEST_TRAVEL, LARGEST_SHARE = 0.01, 0.05
 # motion in a swing, in sizes of the scene, with which a scene counts as at rest where Newton's method is not asked
 STILL = 1e-7
 # and with which it is near to an equilibrium whose stability is not known otherwise: the motion goes there by itself
@@ -127,7 +127,7 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
     state, notes = shape_of_start("relax", model, start)
     way = _way(model, state, at_time)
     at_rest = _at_rest(model, factors, way)
-    run = _Motion(model, at_rest, state, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
+    run = _Relaxation(model, at_rest, state, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
     run.held_in_space = check_supports(model, run.stepper.plane is not None, may_turn=True)
     for kind, text in notes:
         run.buffer.event({"kind": kind, "time": 0.0, "text": text})
@@ -148,7 +148,7 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
                               "in .result", result=result, state=result.state) from stopped
 
 
-def _way(model: Model, start: State | None, at_time: float | None) -> _Way | None:
+def _way(model: Model, start: State | None, at_time: float | None) -> _SupportProgress | None:
     """Return the path of supports that move; None where they stand at their places at the time of the loads.
 
     Raises
@@ -159,15 +159,15 @@ def _way(model: Model, start: State | None, at_time: float | None) -> _Way | Non
     if model.prescribed is None or at_time is None:
         return None
     begin = model.state() if start is None else start
-    motion = StaticMotion(model, begin, True, (0.0, at_time), "relax")
-    now = begin.q.reshape(-1, 4, 3)[motion.own]
-    if motion.stands(1.0, now) and (start is not None or at_time == 0.0):
+    path = SupportPath(model, begin, True, (0.0, at_time), "relax")
+    now = begin.q.reshape(-1, 4, 3)[path.own]
+    if path.stands(1.0, now) and (start is not None or at_time == 0.0):
         return None
-    motion.check_stands("relax", 0.0, now)
-    return _Way(model.prescribed, at_time, model.length)
+    path.check_stands("relax", 0.0, now)
+    return _SupportProgress(model.prescribed, at_time, model.length)
 
 
-def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
+def _at_rest(model: Model, factors: Array, way: _SupportProgress | None) -> Model:
     """Return the model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads
@@ -185,7 +185,7 @@ def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
                    uncondensed=lambda: _at_rest(uncondensed(), factors, way))
 
 
-class _Way:
+class _SupportProgress:
     """Progress of supports on their path from t = 0 to their places at one time, s.
 
     Attributes
@@ -196,12 +196,12 @@ class _Way:
 
     def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
         self.at_time, self.share = at_time, 0.0
-        ends = [motion.place(at_time) - motion.place(0.0) for motion in of.motions]
-        turns = [motion.turn(at_time) @ motion.turn(0.0).T - np.eye(3) for motion in of.motions]
+        ends = [path.place(at_time) - path.place(0.0) for path in of.motions]
+        turns = [path.turn(at_time) @ path.turn(0.0).T - np.eye(3) for path in of.motions]
         # matrices do not tell full turns
         turned = [float(np.max(np.abs(x), initial=0.0)) for x in (turns, of.vectors(at_time))]
         far = max(float(np.max(np.abs(ends))) / length, *turned)
-        self.most = self.size = min(LONGEST_WAY / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
+        self.most = self.size = min(LARGEST_TRAVEL / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
 
     def times(self) -> Array:
         """Return times of the functions of supports, at both ends of the next step, s."""
@@ -220,7 +220,7 @@ class _Way:
 class _Still(PrescribedMotions):
     """Supports that could move and go their way in the motion, or stand still."""
 
-    def __init__(self, of: PrescribedMotions, way: _Way | None) -> None:
+    def __init__(self, of: PrescribedMotions, way: _SupportProgress | None) -> None:
         vars(self).update(vars(of))
         self._of, self._way = of, way
 
@@ -236,11 +236,11 @@ class _Still(PrescribedMotions):
         return np.zeros(self._of.history_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
-class _Motion:
+class _Relaxation:
     """Damped motion from the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
-                 backend: str, observe: Sequence[str], points: Mapping[str, Place] | None, way: _Way | None) -> None:
+                 backend: str, observe: Sequence[str], points: Mapping[str, Place] | None, way: _SupportProgress | None) -> None:
         self.model, self.factors, self.at_time, self.max_iterations, self.backend = model, factors, t, max_iterations, backend
         own = None
         if start is not None:

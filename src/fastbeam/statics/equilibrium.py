@@ -17,7 +17,7 @@ from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.statics.free_motions import FreeMotions
-from fastbeam.statics.moving_supports import Carrying, StaticMotion, StaticShift, coordinates_of
+from fastbeam.statics.moving_supports import Carrying, SupportPath, StaticShift, coordinates_of
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
@@ -60,7 +60,7 @@ class StaticSolver:
         # label of what slipped in the last equilibrium without resistance
         self.unresisted = ""
         # supports on their way to where they are at the time of the loads
-        self.motion: StaticMotion | StaticShift | None = None
+        self.motion: SupportPath | StaticShift | None = None
         self._carrying: Carrying | None = None
         # part of their path that these, and other prescribed coordinates, have gone
         self.share = 0.0
@@ -172,8 +172,8 @@ class StaticSolver:
             return False
         q, size, dim = self.stepper.core_state.q, 12 if self.stepper.plane is None else 4, self.core.dim
         weight = np.where(np.arange(size) < dim, 1.0 / self.core.length, 1.0) * np.sqrt(size / q.size)
-        off, way = (float(np.linalg.norm((x - self._led).reshape(-1, size) * weight)) for x in (q, before))
-        is_other = off > max(STRAY * way, LEAST_STRAY)
+        off, moved = (float(np.linalg.norm((x - self._led).reshape(-1, size) * weight)) for x in (q, before))
+        is_other = off > max(STRAY * moved, LEAST_STRAY)
         if is_other and self.may_leap:
             self.leaps.append((self.share, off))
         return is_other and not self.may_leap

@@ -211,7 +211,7 @@ class ExactSolver(SlidingSolver):
         rub = np.where(slip != 0.0, slip * self._normal(found)[0][free], 0.0)
         return np.asarray(push - self.along.known(found.cut.s)[0][free] + rub)
 
-    def _newton_way(self, found: Found, free: Array, push: Array, bend: Array) -> Array:
+    def _newton_increments(self, found: Found, free: Array, push: Array, bend: Array) -> Array:
         """Return Newton's increments of the free s [F] where some slip with friction; bend: without it."""
         assert self.along is not None
         slip, (normal, force) = self.along.slip[free], self._normal(found)
@@ -232,7 +232,7 @@ class ExactSolver(SlidingSolver):
         rigid = np.zeros(free.size, bool)
         if self.along is not None:
             if np.any(self.along.slip[free] != 0.0):
-                way = self._newton_way(found, free, push, bend)
+                way = self._newton_increments(found, free, push, bend)
             every = np.zeros(self.held.size)
             every[free] = way
             rigid = self.along.is_rigid(every)[free]
@@ -435,11 +435,11 @@ class ExactSolver(SlidingSolver):
         assert self.found is not None
         names = self.stepper.model.names["sliders"]
         out = {"friction": self.along.report(names, self._exact_equations(self.found))}
-        return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
+        return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
 
-    def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
-        along, kept, ends, on_mesh = self.along, self.found, [], super()._rest_interval(k, factors)
-        assert along is not None and kept is not None
+    def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
+        along, accepted, ends, on_mesh = self.along, self.found, [], super()._stick_interval(k, factors)
+        assert along is not None and accepted is not None
         modes = [x.copy() for x in along.modes]
         along.reserve = 0.0
         for sign, end in zip((1, -1), on_mesh):
@@ -451,12 +451,12 @@ class ExactSolver(SlidingSolver):
             along.modes.sign[k], along.modes.at_stop[k] = sign, 0
             self.runaway = -1
             try:
-                s, free = kept.cut.s.copy(), np.flatnonzero(self.sliding)
+                s, free = accepted.cut.s.copy(), np.flatnonzero(self.sliding)
                 s[k] = end
-                looked = self._moved(kept._replace(ahead=[]), s, np.zeros(0), factors, free)
+                looked = self._moved(accepted._replace(ahead=[]), s, np.zeros(0), factors, free)
                 if looked is None:
-                    looked = self._looked_at(kept.cut, kept.solver, factors, free)
-                status, found = (NOT_CONVERGED, kept) if looked is None else self._slid(looked, factors)
+                    looked = self._looked_at(accepted.cut, accepted.solver, factors, free)
+                status, found = (NOT_CONVERGED, accepted) if looked is None else self._slid(looked, factors)
                 runs_off = status == SLIDER_END and self.runaway == k
                 ends.append(float(self.ends[k, int(sign < 0)] if runs_off else found.cut.s[k] if status == OK else np.nan))
             finally:

@@ -27,12 +27,12 @@ NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
 # of what may be round-off of residuals that those about axes have
 ACROSS, ABOUT = 1e-10, 1e-6
 # largest component of a motion at supports that allow it
-HELD = 1e-9
+FIXED_TOLERANCE = 1e-9
 # components of a combination of motions of size 1 that count as zero
 ROUND_OFF = 1e-12
 # parts of rigid motions next to the whole that are another motion already; parts whose motions together are tried,
 # numbers of these, and parts at all
-REST, MOST_TOGETHER, MOST_NUMBERS, MOST_PARTS = 1e-5, 24, 2e7, 500
+NEGLIGIBLE, MOST_TOGETHER, MOST_NUMBERS, MOST_PARTS = 1e-5, 24, 2e7, 500
 # beams of a part that may spin together
 LONGEST_CHAIN = 50
 # components of axes that are not shown
@@ -243,10 +243,10 @@ class FreeMotions:
             shift, turn = rows[:, :2] @ self.axes[:2], rows[:, 2:] * self.axes[2]
         shift = shift / self.model.length
         sizes = np.array([np.max(np.linalg.norm(np.hstack((shift, turn))[near.part.nodes], axis=1)) for near in group])
-        part, others = group[int(np.argmax(sizes))].part, int(np.sum(sizes > REST * np.max(sizes))) - 1
+        part, others = group[int(np.argmax(sizes))].part, int(np.sum(sizes > NEGLIGIBLE * np.max(sizes))) - 1
         with_others = f" and {others} more that move with it" if others else ""
         turn, shift = (y[part.nodes][np.argmax(np.linalg.norm(y[part.nodes], axis=1))] for y in (turn, shift))
-        if np.linalg.norm(turn) > REST * np.max(sizes):
+        if np.linalg.norm(turn) > NEGLIGIBLE * np.max(sizes):
             return f"{part.name}{with_others} about {_axis(turn)}"
         return f"{part.name}{with_others} along {_axis(shift)}"
 
@@ -277,7 +277,7 @@ class _Alike:
         motion = of.on_unknowns(self.rows.reshape(-1), motion.reshape(-1, 6, 6)).reshape(*self.unknowns.shape, 6)
         # parts of the motions at fixed unknowns
         sizes, turn = _singular(motion * self._held[:, :, None])
-        allowed = sizes <= HELD * np.maximum(1.0, np.max(sizes, axis=1))[:, None]
+        allowed = sizes <= FIXED_TOLERANCE * np.maximum(1.0, np.max(sizes, axis=1))[:, None]
         out = motion @ (turn * allowed[:, :, None]).transpose(0, 2, 1)
         return np.where(self._held[:, :, None], 0.0, out)
 
@@ -491,7 +491,7 @@ def _without(x: Array, known: Array) -> Array:
     x, along = unit(x), unit(known)[:, :, None]
     x = x - along @ (along.transpose(0, 2, 1) @ x)
     sizes, turn = _singular(x)
-    share = np.where(sizes > REST, 1.0 / np.maximum(sizes, REST), 0.0)
+    share = np.where(sizes > NEGLIGIBLE, 1.0 / np.maximum(sizes, NEGLIGIBLE), 0.0)
     return x @ (share[:, :, None] * turn).transpose(0, 2, 1)
 
 

@@ -18,7 +18,7 @@ from fastbeam.kernels.joints.friction import AGAINST, SIGN, STICKS
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.model.contact.sleeve_conditions import sections
 from fastbeam.model.contact.sleeve_twist import angle_of, numbers_of, twist_label
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.statics.slider_friction import edges_of
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 # a coordinate goes by less than this at once, rad or a share of the size of the scene
-LARGEST_WAY = 0.3
+LARGEST_INCREMENT = 0.3
 # ways below which a coordinate has come to rest, and a force that is round-off of all that hold joints
-SMALL_WAY, ROUND_OFF = 1e-13, 1e-11
+TINY, ROUND_OFF = 1e-13, 1e-11
 # share of friction in reserve where a slipping coordinate comes to rest, so that round-off does not move it in a run from there
 RESERVE = 1e-5
 MOST_ROUNDS, MOST_HALVES, MOST_CHANGES = 100, 8, 4
@@ -136,7 +136,7 @@ class SectionAngles:
         own[:, twists.ANGLE], own[:, twists.SIGN], own[:, twists.STICKS], own[:, twists.MOST] = values, 0.0, 1.0, self.most()
 
 
-def _within(solver: SlidingSolver, link: KeptLink) -> Array:
+def _within(solver: SlidingSolver, link: ConstrainedJoint) -> Array:
     """Return the matrix that selects the conditions of a joint which the equations contain, [m, m in space]."""
     axes = solver.map.axes
     return np.eye(link.forces(3)) if axes is None else link.law.within(axes)
@@ -241,7 +241,7 @@ class StaticJoints:
         """The equilibrium of load factors [K] in which all are at rest: status and sizes of increments, as of `equilibrium`."""
         before, sign, changes = self.values.copy(), np.zeros(self.values.size, np.int64), np.zeros(self.values.size, np.int64)
         status, sizes = self._at(self.values, factors)
-        reach = np.full(self.values.size, LARGEST_WAY)
+        reach = np.full(self.values.size, LARGEST_INCREMENT)
         last, force_before, in_vain = np.zeros(self.values.size), np.full(self.values.size, np.inf), 0
         self.solver.unresisted = ""
         for _ in range(MOST_ROUNDS):
@@ -249,10 +249,10 @@ class StaticJoints:
                 return status, sizes
             force, most = self.forces(), self.most()
             size = ROUND_OFF * (self._largest_force() * self.solver.core.length / self.scales + most)
-            rests = (sign == 0) & ~self.kept
-            back = rests & (force > most + size) & (self.at_stop >= 0)
-            forth = rests & (force < -most - size) & (self.at_stop <= 0)
-            returned = (sign * (self.values - before) < -SMALL_WAY * self.scales) & (most > 0.0) & (changes < MOST_CHANGES)
+            sticking = (sign == 0) & ~self.kept
+            back = sticking & (force > most + size) & (self.at_stop >= 0)
+            forth = sticking & (force < -most - size) & (self.at_stop <= 0)
+            returned = (sign * (self.values - before) < -TINY * self.scales) & (most > 0.0) & (changes < MOST_CHANGES)
             sign[back], sign[forth], sign[returned] = -1, 1, 0
             changes[returned] += 1
             self.at_stop[back | forth] = 0
@@ -269,24 +269,24 @@ class StaticJoints:
             slopes = self._slopes(moving)
             if slopes is None:
                 return NOT_CONVERGED, sizes
-            way, stable = _downhill(slopes, left)
+            increments, stable = _downhill(slopes, left)
             # turned around: it went too far
-            turned = moving[way * last[moving] < 0.0]
+            turned = moving[increments * last[moving] < 0.0]
             if not stable:
                 reach[turned] = np.minimum(reach[turned], 0.5 * np.abs(last[turned]) / self.scales[turned])
-            way = np.clip(way, -reach[moving] * self.scales[moving], reach[moving] * self.scales[moving])
-            if stable and np.all((np.abs(way) <= SMALL_WAY * self.scales[moving]) | (np.abs(left) <= size[moving] * 1e-3)):
+            increments = np.clip(increments, -reach[moving] * self.scales[moving], reach[moving] * self.scales[moving])
+            if stable and np.all((np.abs(increments) <= TINY * self.scales[moving]) | (np.abs(left) <= size[moving] * 1e-3)):
                 self._remember()
                 return OK, sizes
             same = np.abs(force[moving] - force_before[moving]) <= SAME * np.abs(force[moving])
-            far = same & (np.abs(way) >= 0.99 * reach[moving] * self.scales[moving])
+            far = same & (np.abs(increments) >= 0.99 * reach[moving] * self.scales[moving])
             in_vain = in_vain + 1 if far.any() else 0
             if in_vain >= IN_VAIN:
                 self.solver.unresisted = self.labels[moving[np.argmax(far)]]
                 return NOT_CONVERGED, sizes
             force_before[:] = force
             goal = self.values.copy()
-            goal[moving] += way
+            goal[moving] += increments
             low, high = self.stops.T
             met = np.where(goal >= high, 1, np.where(goal <= low, -1, 0))
             goal = np.clip(goal, low, high)
@@ -295,7 +295,7 @@ class StaticJoints:
             hit = (met != 0) & (sign != 0) & (self.values == goal)
             self.at_stop[hit], sign[hit] = met[hit], 0
             last[:] = 0.0
-            last[moving] = way
+            last[moving] = increments
         return NOT_CONVERGED, sizes
 
     def _go(self, goal: Array, factors: Array) -> tuple[int, list[float]]:

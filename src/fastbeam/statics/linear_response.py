@@ -142,9 +142,9 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     moved = np.flatnonzero(np.any(after[:, 1:] != before[:, 1:], axis=(1, 2)))
     turn = np.einsum("nka,nkb->nab", after[moved, 1:], before[moved, 1:])
     q[moved, 1:] = np.einsum("nab,nkb->nka", turn, q[moved, 1:])
-    motion = length * like.spread(way)
-    q[:, 0] += motion[:, :3]
-    q[:, 1:] = turned(q[:, 1:], motion[:, 3:])
+    displacement = length * like.spread(way)
+    q[:, 0] += displacement[:, :3]
+    q[:, 1:] = turned(q[:, 1:], displacement[:, 3:])
     # free sliders move with the length of their beam, held ones with their place on it
     s = np.where(like.sliding, state.s * model.slider_lengths / own.slider_lengths, state.s + (model.s0 - own.s0))
     start = State(follow(model, q).reshape(-1), np.zeros(q.size), s, state.force.copy(), model.state().history)

@@ -29,7 +29,7 @@ from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.exact_contact import ExactSolver, Observed
 from fastbeam.statics.linear_response import place_events
 from fastbeam.statics.load_laws import user_forces
-from fastbeam.statics.moving_supports import StaticMotion
+from fastbeam.statics.moving_supports import SupportPath
 from fastbeam.statics.reactions import reactions_of
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
@@ -125,7 +125,7 @@ class StaticTask:
         else:
             out = StaticSolver(model, self.start, self.max_iterations, self.backend, self.threads)
         if model.prescribed is not None and self.at_time is not None:
-            out.motion = StaticMotion(model, out.state, self.start is None, self.at_time)
+            out.motion = SupportPath(model, out.state, self.start is None, self.at_time)
         return out
 
 
@@ -236,10 +236,10 @@ class LoadSteps:
                 continue
             if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
                 bar.close()
-                raise _no_rest(solver, target, reached, self._finish())
+                raise _no_equilibrium_of_slider(solver, target, reached, self._finish())
             if not shorter:
                 bar.close()
-                if isinstance(solver.motion, StaticMotion):
+                if isinstance(solver.motion, SupportPath):
                     solver.motion.check_turns(reached)
                 raise self._failure(status, sizes, reached)
             step = max(smallest, 0.25 * size)
@@ -391,7 +391,7 @@ def _slack(model: Model, state: State) -> str:
             "shape in which they carry load, or let fb.relax(model) find the equilibrium")
 
 
-def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
+def _no_equilibrium_of_slider(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
     """Form the error of a slider that finds no place on its beam."""
     names = solver.stepper.model.names["sliders"]
     name = names[max(solver.runaway, solver.stuck)]

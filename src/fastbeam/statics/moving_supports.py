@@ -12,7 +12,7 @@ from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import ADDED, ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.connections import held_axes
+from fastbeam.model.connections import fixed_axes
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import turns_between
@@ -57,11 +57,11 @@ class _Moving(ABC):
         rate = self.ahead * self.moves
         largest = float(np.max(np.abs(rate) / np.repeat((self._size, 1.0), 3)))
         here, h = given - rate, SHORT / largest if largest > 0.0 else 1.0
-        way = gaps(self.moved(q, here + h * rate)) - gaps(self.moved(q, here - h * rate))
-        return gaps(self.moved(q, here)) + way / (2.0 * h)
+        difference = gaps(self.moved(q, here + h * rate)) - gaps(self.moved(q, here - h * rate))
+        return gaps(self.moved(q, here)) + difference / (2.0 * h)
 
 
-class StaticMotion(_Moving):
+class SupportPath(_Moving):
     """Supports of a model on their way from where they stand to where their functions have them at one time.
 
     Parameters
@@ -84,7 +84,7 @@ class StaticMotion(_Moving):
         self.of = model.prescribed
         require(Analysis.AT_TIME, model, who)
         self.own = self.of.own
-        self._along, self._turns = held_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
+        self._along, self._turns = fixed_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
         between = isinstance(at_time, tuple)
         self.model, self.from_start = model, from_start or between
         self.first, self.at_time = at_time if isinstance(at_time, tuple) else (0.0, at_time)

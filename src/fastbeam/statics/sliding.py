@@ -115,9 +115,9 @@ class SlidingSolver(SaddleSolver):
             return {"friction": of_joints} if of_joints else {}
         names = self.stepper.model.names["sliders"]
         out = {"friction": self.along.report(names, self._of_constraints(rubs=False)) | of_joints}
-        return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
+        return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
 
-    def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
+    def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
         """Find the arc lengths between which slider k rests under load factors [K] by its friction, the others with friction
         staying where they are: from the last equilibrium to both ends, where friction is fully used; NaN where none is found. The
         state is the same after it."""
@@ -172,7 +172,7 @@ class SlidingSolver(SaddleSolver):
         and away from stops, and which these are, bool [S]."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self._unhindered)
-        return self._with_spins_held(saddle, right[:self.nodes]), self._unhindered
+        return self._with_spins_fixed(saddle, right[:self.nodes]), self._unhindered
 
     @property
     def _unhindered(self) -> Array:
@@ -201,7 +201,7 @@ class SlidingSolver(SaddleSolver):
         it."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self.sliding)
-        saddle = self._with_spins_held(saddle, right[:self.nodes])
+        saddle = self._with_spins_fixed(saddle, right[:self.nodes])
         right[:] = 0.0
         right[self.places] = np.where(self.sliding, way, 0.0)
         x = saddle.solve(right)

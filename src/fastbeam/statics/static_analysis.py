@@ -34,7 +34,7 @@ from fastbeam.results.observe.observer import OBSERVED, POINTS
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.load_steps import LoadSteps, StaticTask
-from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_motion
+from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_steady_motion
 
 Array = np.ndarray
 # what load steps are multiplied by in the second attempt, where the first led to an unstable equilibrium, and the largest then
@@ -68,7 +68,7 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=Group(Start, START), observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), held=which_sliders,
-         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_motion)
+         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_steady_motion)
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-9, at_time: float | None = None, start: State | Start | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None, max_iterations: int = 20,

@@ -98,7 +98,7 @@ class Travel:
         return f"Travel({', '.join(f'{beam.name} {speed:g} m/s' for beam, speed in self.speeds.items())})"
 
 
-def which_motion(value: Any) -> Spin | Travel:
+def which_steady_motion(value: Any) -> Spin | Travel:
     """Check that an argument is a steady motion.
 
     Raises
@@ -136,7 +136,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
                 raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}. They do not rotate with the spin, "
                                  "so no steady motion exists. Leave them out, load_factor=0, or let them act along the axis")
     else:
-        held, first = model.held_mask, np.unique(model.pattern.row_of, return_index=True)[1]
+        fixed, first = model.fixed_mask, np.unique(model.pattern.row_of, return_index=True)[1]
         alone = np.zeros(model.n_nodes, bool)
         alone[first] = np.bincount(model.pattern.row_of)[model.pattern.row_of[first]] == 1
         tied = np.zeros(model.n_nodes, bool)
@@ -145,7 +145,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
         for beam in motion.speeds:
             begin, count = _nodes(who, model, beam)
             for node in (begin, begin + count - 1):
-                if held[node] & 7 != 7 and alone[node] and not tied[node]:
+                if fixed[node] & 7 != 7 and alone[node] and not tied[node]:
                     raise SceneError(f"{who}: {beam.label} travels, but nothing fixes the position of {model.node_label(node)}; "
                                      "fix both ends, or join them to beams that travel")
 

@@ -19,7 +19,7 @@ from fastbeam.model.forces.loads import load_path, which_times
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
-from fastbeam.statics.moving_supports import StaticMotion, coordinates_of
+from fastbeam.statics.moving_supports import SupportPath, coordinates_of
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
 
@@ -89,7 +89,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     require(Analysis.STICK, model, held=stays)
     kind, k = _number_of(model, slider, stays)
     # nothing twists in a plane
-    flat = False if kind is _HeldJoint and slider in _twists(model) else None
+    flat = False if kind is _LockedJoint and slider in _twists(model) else None
     if flat is False and model.asked_for_plane:
         raise SceneError(f"stick_interval: {slider!r}: beams do not twist in a plane; compile the scene without planar=True")
     check_backend(backend)
@@ -114,7 +114,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     solver = solver_of(start, stays)
     check_supports(model, solver.stepper.plane is not None)
     if model.prescribed is not None and at_time is not None:
-        stand = StaticMotion(model, solver.state, True, (t, t), "stick_interval")
+        stand = SupportPath(model, solver.state, True, (t, t), "stick_interval")
         stand.check_stands("stick_interval", 1.0, coordinates_of(solver.stepper, stand.own))
     shares = [1.0] if start is not None else np.linspace(0.0, 1.0, 5)[1:].tolist()
     for share in shares:
@@ -126,13 +126,13 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     found = State(*(x.copy() for x in solver.state))
     ends = []
     for end in within:
-        still = stays | (np.arange(stays.size) == k) if kind is _HeldSlider else stays
+        still = stays | (np.arange(stays.size) == k) if kind is _LockedSlider else stays
         mine = kind(solver_of(State(*(x.copy() for x in found)), still), k, t)
         ends.append(_end_of(mine, load, load_factor, float(end)))
     return StickInterval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
 
 
-def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], int]:
+def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Locked], int]:
     """Return the number of a slider that friction can hold, or of a coordinate of a joint.
 
     Raises
@@ -143,13 +143,13 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
     names = model.names["sliders"]
     if slider in _twists(model) and slider not in names:
         of_joints = 0 if model.motions is None else model.motions.holds.rubs.size
-        return _HeldJoint, of_joints + _twists(model).index(slider)
+        return _LockedJoint, of_joints + _twists(model).index(slider)
     if slider not in names and model.motions is not None:
         holds = model.motions.holds
         rubs = [holds.parts[k] for k in holds.rubs]
         found = [i for i, x in enumerate(rubs) if x.has_friction and slider in (x.name, x.label)]
         if len(found) == 1:
-            return _HeldJoint, found[0]
+            return _LockedJoint, found[0]
         if found:
             raise SceneError(f"stick_interval: joint {slider!r} has friction on {len(found)} coordinates; name one of them, "
                              f"{' or '.join(repr(rubs[i].label) for i in found)}")
@@ -162,7 +162,7 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
     if model.slider_forces is None or not (model.slider_forces.hold_by_friction & ~stays)[k]:
         raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction, or is locked or driven by a prescribed "
                          "motion; name one with friction=")
-    return _HeldSlider, k
+    return _LockedSlider, k
 
 
 def _twists(model: Model) -> list[str]:
@@ -170,7 +170,7 @@ def _twists(model: Model) -> list[str]:
     return [twist_label(model.names["sliders"][k]) for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
 
 
-class _Held(ABC):
+class _Locked(ABC):
     """Equilibria of a scene with one part held by whatever force that needs; k: its number; t: time of its drive."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
@@ -201,7 +201,7 @@ class _Held(ABC):
         return State(*(x.copy() for x in self.solver.state))
 
 
-class _HeldJoint(_Held):
+class _LockedJoint(_Locked):
     """Equilibria with a coordinate of a joint held."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
@@ -214,7 +214,7 @@ class _HeldJoint(_Held):
         return self.solver.joints.margin(self.k)
 
 
-class _HeldSlider(_Held):
+class _LockedSlider(_Locked):
     """Equilibria with a slider held."""
 
     def margin(self) -> float:
@@ -228,7 +228,7 @@ class _HeldSlider(_Held):
         return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
 
 
-def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
+def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
     """Find the load factor between `start` and `end` where friction gives way, and the equilibrium there."""
     if not load(held.solver, start):
         return np.nan, held.state
@@ -254,7 +254,7 @@ def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) ->
         step *= 2.0
 
 
-def _root(held: _Held, load: Callable[..., bool], saved: tuple[Any, ...], low: tuple[float, float],
+def _root(held: _Locked, load: Callable[..., bool], saved: tuple[Any, ...], low: tuple[float, float],
           high: tuple[float, float]) -> tuple[float, State]:
     """Find the load factor between two, with friction left and without, where there is none left (regula falsi, with the halved
     ordinate of the Illinois method); every equilibrium is found from the last one with some left."""

@@ -32,7 +32,7 @@ LEAST, MOST = -10.0, 0.99
 # longest increment, in sizes of the scene and rad
 LONGEST = 1.0
 # steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
-NEARBY, WAYS, WEIGHTS = 2.0**-8, (-3, -2, -1, 1, 2, 3), (-1 / 60, 9 / 60, -45 / 60, 45 / 60, -9 / 60, 1 / 60)
+NEARBY, OFFSETS, WEIGHTS = 2.0**-8, (-3, -2, -1, 1, 2, 3), (-1 / 60, 9 / 60, -45 / 60, 45 / 60, -9 / 60, 1 / 60)
 # round-off of the influence of lengths on conditions, relative to their influence on the scene; smallest singular value of the
 # influences, rows and columns scaled to 1, relative to the largest
 UNMOVED, DEPENDENT = 1e-9, 1e-9
@@ -124,10 +124,10 @@ class Condition(NamedTuple):
         steps[:, :3] *= np.max(np.linalg.norm(np.diff(q[nodes, :3], axis=0), axis=1))
         n = steps.size
         # node, coordinate, one after the other; from each of them six steps away
-        moved = np.broadcast_to(q, (n, len(WAYS), *q.shape)).copy()
+        moved = np.broadcast_to(q, (n, len(OFFSETS), *q.shape)).copy()
         each = np.arange(n)
-        moved[each[:, None], np.arange(len(WAYS)), np.repeat(nodes, 12)[:, None], each[:, None] % 12] += (
-            np.array(WAYS) * steps.reshape(-1, 1))
+        moved[each[:, None], np.arange(len(OFFSETS)), np.repeat(nodes, 12)[:, None], each[:, None] % 12] += (
+            np.array(OFFSETS) * steps.reshape(-1, 1))
         shapes = moved.reshape(-1, section.count, 4, 3)
         values = getattr(section.at(np.zeros(len(shapes)), shapes[:, :, 0], shapes[:, :, 1:]), self.part)[:, 0]
         slope = values.reshape(n, -1) @ np.array(WEIGHTS) / steps.reshape(-1)

@@ -256,9 +256,9 @@ class Constraints:
         slide &= free
         every = force[:, None] & free[:, :, None]
         every[:, :, d] |= is_slider[:, None] & free
-        rest = every & ~used
-        rest[:, :, d] &= ~slide
-        self._unused = at[rest]
+        unused = every & ~used
+        unused[:, :, d] &= ~slide
+        self._unused = at[unused]
         of, i, j = used.nonzero()
         self._gradient = Entries(self._number[k[of], j], unknown[of, i], at[used])
         of, i = slide.nonzero()

@@ -202,7 +202,7 @@ class Group:
         node = model.bodies.node[bodies]
         self.bodies = model.bodies._replace(node=node, row=row_of[node], block=block[row_of[node]],
                                             inertia=model.bodies.inertia.reshape(-1, per_body)[bodies].reshape(-1))
-        mask = model.held_mask[nodes]
+        mask = model.fixed_mask[nodes]
         mask[n - 2 * some.size:] = 0
         rows = np.flatnonzero(mask)
         self.held = Held(rows, mask[rows], block[rows], block[rows], mask[rows], mask[rows])

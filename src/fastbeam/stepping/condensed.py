@@ -100,7 +100,7 @@ class Team:
         return out
 
 
-def _held_of_solver(held: Held, n: int) -> Held:
+def _fixed_of_solver(held: Held, n: int) -> Held:
     """Return the fixed unknowns in the n rows that the solver sees."""
     seen = held.row < n
     return held._replace(row=held.row[seen], mask=held.mask[seen], diagonal=held.diagonal[seen])
@@ -142,7 +142,7 @@ class CondensedIteration(Iteration):
         own: list[Any] = list(self.owner.terms)
         if self._carriers:
             n = self.owner.core.pattern.n
-            own = [_held_of_solver(x, n) if isinstance(x, Held) else self._ties if isinstance(x, (Ties, PlanarTies)) else x
+            own = [_fixed_of_solver(x, n) if isinstance(x, Held) else self._ties if isinstance(x, (Ties, PlanarTies)) else x
                    for x in own]
             self._panel = Calls(tuple(own))
         self._held = Calls(tuple(x for x in own if isinstance(x, (MovedRows, Held))), ASSEMBLY)

@@ -119,8 +119,8 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
         if c not in on_curve:
             on_curve[c] = np.zeros(model.n_nodes + 1, bool)
             for node in nodes_of_curve(model.curves, c).tolist():
-                on_curve[c][_rows_of(model, node)] = True
-        rows = _rows_of(model, point)
+                on_curve[c][_rows_with_masters(model, node)] = True
+        rows = _rows_with_masters(model, point)
         late.append(rows[~on_curve[c][rows]])
     # a joint waits for both of its ends
     late += [np.zeros(0, np.int64)] * len(model.kept)
@@ -175,11 +175,11 @@ def _find_places(model: Model, inner: Inner | None) -> Array | None:
 
 def _carriers_of(model: Model, node: int) -> list[int]:
     """Return the row of a node, or those of the nodes that it is tied to."""
-    rows = _rows_of(model, node).tolist()
+    rows = _rows_with_masters(model, node).tolist()
     return rows[1:] or rows
 
 
-def _rows_of(model: Model, node: int) -> Array:
+def _rows_with_masters(model: Model, node: int) -> Array:
     """Return rows of a node and of those that it is tied to."""
     row = model.pattern.row_of[node:node + 1]
     if model.ties is None:

@@ -14,7 +14,7 @@ from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.state import State
 from fastbeam.linalg.factors import OF_STEP, Factors
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.gap_rows import GapRows, Gaps
+from fastbeam.model.gap_rows import ConstraintGaps, Gaps
 from fastbeam.model.mapping import shapes_at
 from fastbeam.model.maps import free_unknowns, mass_map, share_map, spin_map, tie_map, velocity_map
 from fastbeam.model.model import Model
@@ -141,7 +141,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     system: Any = mass
     forces = 0
     if model.n_constraints:
-        rows = GapRows(model)
+        rows = ConstraintGaps(model)
         gaps = rows.at(state.q, state.s)
         gap = gaps.rates @ lift
         forces = gap.shape[0]
@@ -168,7 +168,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     state.force[:] = x[free.size:free.size + forces]
 
 
-def _convective(model: Model, rows: GapRows, gaps: Gaps, state: State) -> Array:
+def _convective(model: Model, rows: ConstraintGaps, gaps: Gaps, state: State) -> Array:
     """Evaluate minus the parts of the second derivatives of all gaps besides accelerations, [F]: of sliders 2 ds/dt N' phi' +
     (ds/dt)^2 N'' phi."""
     v = state.v

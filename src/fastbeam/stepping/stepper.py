@@ -29,7 +29,7 @@ from fastbeam.linalg.linear_system import LinearSystem, check_backend
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_twist import start_twisting
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
-from fastbeam.model.forces.failed_laws import LET_IT, Failure, acting_at, failure_in, forget, has_failed
+from fastbeam.model.forces.failed_laws import FINITE_NUMBERS, Failure, acting_at, failure_in, forget, has_failed
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.model import Model
 from fastbeam.model.released_supports import own_supports
@@ -416,7 +416,7 @@ class Stepper:
         """
         failed = self.failed_law
         if failed.text:
-            error.args = (f"{text}: {failed.text}{LET_IT} {rest}",)
+            error.args = (f"{text}: {failed.text}{FINITE_NUMBERS} {rest}",)
             error.__cause__ = failed.error
         return error
 

@@ -265,8 +265,8 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         return None
     product = about.mass @ found.vectors[:about.free.size, some]
     # the unknowns of supports that move are further ones, which are left out again
-    kept = np.isin(settled.free, about.free)
-    assert int(kept.sum()) == about.free.size
+    is_free = np.isin(settled.free, about.free)
+    assert int(is_free.sum()) == about.free.size
     return product, w[some], np.full(some.size, ratio)
 
 

@@ -19,7 +19,7 @@ from fastbeam.model.start import check_start
 from fastbeam.results.mode_shapes import DampedModes, Modes, SteadyModes
 from fastbeam.results.observe.resolution import mesh_events
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
-from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_motion
+from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_steady_motion
 from fastbeam.vibration.damped_modes import MORE, Damped, damped_of
 from fastbeam.vibration.linearised import Linearisation
 from fastbeam.vibration.resting_sliders import locked_sliders, resting_sliders
@@ -60,7 +60,7 @@ def modes(model: Model, *, steady: Spin | Travel, state: State | None = ..., n: 
 
 @warns
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
-         held=which_sliders, planar=Flag(), damped=Flag(), steady=which_motion, backend=Word())
+         held=which_sliders, planar=Flag(), damped=Flag(), steady=which_steady_motion, backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
           held: bool | str | Sequence[str] = False, planar: bool | None = None, damped: bool = False,
           steady: Spin | Travel | None = None, backend: str = "auto") -> Modes | DampedModes | SteadyModes:
@@ -212,9 +212,9 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
         # forces along free motions are round-off, or the state is no equilibrium
         free = found.vectors[:k, np.real(found.values) == 0.0]
         along = found.vectors[:motions, np.real(found.values) == 0.0].T @ right[:motions]
-        rest = right.copy()
-        rest[:k] -= about.mass @ (free @ along)
-        move = found.factors.solve(rest[:, None])[:, 0]
+        residual = right.copy()
+        residual[:k] -= about.mass @ (free @ along)
+        move = found.factors.solve(residual[:, None])[:, 0]
         move[:k] -= free @ (free.T @ (about.mass @ move[:k]))
         size = about.sizes(move[:k])
         largest = int(np.argmax(size))

@@ -113,8 +113,8 @@ class RestingSliders:
         """Write into the history of a state that moves about this one which sliders are locked, stick or rest against a stop."""
         self.along.remember(history)
         own = history[:HISTORY * self.free.size].reshape(-1, HISTORY)
-        kept = [HELD, TURNS, OFFSET, CAME_BY]
-        own[:, kept] = self._own[:, kept]
+        carried_over = [HELD, TURNS, OFFSET, CAME_BY]
+        own[:, carried_over] = self._own[:, carried_over]
 
 
 def locked_sliders(model: Model, state: State | None) -> Array:

@@ -98,14 +98,14 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
         b = block.shape[1]
         basis[:, m:m + b] = block
         known = basis[:, :m + b]
-        block, _, rest, h[:m + b, m:m + b] = orthonormal(applied(block), known, unit)
+        block, _, remainder, h[:m + b, m:m + b] = orthonormal(applied(block), known, unit)
         m += b
-        h[m:m + len(rest), m - b:m] = rest
+        h[m:m + len(remainder), m - b:m] = remainder
         if m >= look or not block.shape[1] or m + BLOCK > most:
             look = int(GROWTH * m)
             values, y = np.linalg.eig(h[:m, :m])
             y = y / np.linalg.norm(y, axis=0)
-            error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
+            error = np.linalg.norm(remainder @ y[m - b:], axis=0) if remainder.size else np.zeros(m)
             live = np.abs(values) > 1e-13 * np.max(np.abs(values))
             rates = np.where(live, shift + 1.0 / np.where(live, values, 1.0), np.inf)
             order = np.argsort(np.abs(rates))[:min(wanted, int(live.sum()))]
@@ -139,8 +139,8 @@ def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, sh
         if again or not conserves or abs(rate) <= ZERO * noise:
             break
         of_rate = np.vdot(x, against @ x)
-        at_rest = np.real(np.vdot(whole, pencil.stiffness @ whole))
-        roots = np.roots([1.0, complex(0.0, of_rate.imag), at_rest])
+        static_part = np.real(np.vdot(whole, pencil.stiffness @ whole))
+        roots = np.roots([1.0, complex(0.0, of_rate.imag), static_part])
         better = roots[np.argmin(np.abs(roots - rate))]
         # two equal roots: a motion that only just swings, whose rate is no better than its vector
         if abs(roots[0] - roots[1]) > 1e-4 * abs(rate):

@@ -88,7 +88,7 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
     return table._replace(twist=Twist(arm, place, table.axes.copy(), *work))
 
 
-def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:
+def sections_in_sleeves(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:
     """Return the number of the slider and the section at t = 0 of every sleeve."""
     out = []
     for k, (slider, (number, values, slopes, point)) in enumerate(zip(scene.sliders, lines)):

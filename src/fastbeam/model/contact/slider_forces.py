@@ -294,7 +294,7 @@ class SliderForces(Feature):
         """
         return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
 
-    def free_way(self, limits: Array) -> Array:
+    def free_range(self, limits: Array) -> Array:
         """Return the arc lengths between which no stop acts on sliders, from their limits [S, 2]."""
         out = limits.copy()
         for k, slider in enumerate(self.sliders):
@@ -476,8 +476,8 @@ class SliderForces(Feature):
 
     def _drive_at(self, k: int, t: float, s: float, rate: float, offset: float) -> float:
         # on a switch, laws take s and controllers the arc length travelled
-        way = s + offset if self.tables.drive[k] == CONTROL else s
-        return force_at(self.sliders[k].drive, self._who(k), t, way, rate)
+        coordinate = s + offset if self.tables.drive[k] == CONTROL else s
+        return force_at(self.sliders[k].drive, self._who(k), t, coordinate, rate)
 
     def at_rest(self, k: int, t: float, s: float, share: float, offset: float) -> float:
         """Evaluate the force, N, of a drive that does not prescribe the motion on a slider at rest at s, at time t and load
@@ -495,8 +495,8 @@ class SliderForces(Feature):
         """
         slider = self.sliders[k]
         # on a switch, laws take s and controllers the arc length travelled
-        way = s + offset if self.tables.drive[k] == CONTROL else s
-        return share * slope_at_rest(slider.drive, f"slider {slider.name!r}", t, way, slider.beam.length, by_rate)
+        coordinate = s + offset if self.tables.drive[k] == CONTROL else s
+        return share * slope_at_rest(slider.drive, f"slider {slider.name!r}", t, coordinate, slider.beam.length, by_rate)
 
     def place_given(self, k: int, t: float, own: Array) -> float:
         """Return the arc length that a drive prescribes for slider k at time t, m; own [11]: history of the slider."""

@@ -122,10 +122,10 @@ def _of_springs(model: Model, q: Array) -> Any:
         if not isinstance(table, SpringLaws):
             continue
         a, b = table.node.T
-        way = q[b, 0] - q[a, 0]
-        length = np.linalg.norm(way, axis=1)
+        edge = q[b, 0] - q[a, 0]
+        length = np.linalg.norm(edge, axis=1)
         acts = (table.damping > 0.0) & (table.side * (length - table.length) >= 0.0) & (length > 0.0)
-        direction = (way / np.where(length > 0.0, length, 1.0)[:, None])[acts]
+        direction = (edge / np.where(length > 0.0, length, 1.0)[:, None])[acts]
         k, c = np.arange(int(acts.sum()))[:, None], np.arange(3)
         rows = np.tile(np.repeat(k, 3), 2)
         columns = np.concatenate(((12 * b[acts][:, None] + c).reshape(-1), (12 * a[acts][:, None] + c).reshape(-1)))
@@ -156,11 +156,11 @@ def _of_lines(model: Model, q: Array, t: float) -> Any:
     """Assemble the derivative of line forces by the rate of the length: central differences."""
     def blocks(table: LineForces) -> Iterator[tuple[Array, Array]]:
         for k, (a, b) in enumerate(table.node.tolist()):
-            way = q[b, 0] - q[a, 0]
-            length = float(np.linalg.norm(way))
+            edge = q[b, 0] - q[a, 0]
+            length = float(np.linalg.norm(edge))
             size = RATE * length
             ahead, back = (ask(model, table, k, t, np.array([length, rate]), 1)[0] for rate in (size, -size))
-            lead = np.concatenate((way, -way)) / length
+            lead = np.concatenate((edge, -edge)) / length
             yield _coordinates(b, a).reshape(2, 12)[:, :3].reshape(-1), (ahead - back) / (2.0 * size) * np.outer(lead, lead)
 
     return _of_links(model, LineForces, blocks)

@@ -48,7 +48,7 @@ class Failure(NamedTuple):
 
 NOTHING = Failure("")
 # advice behind the text of a failure
-LET_IT = ". It must return finite numbers there."
+FINITE_NUMBERS = ". It must return finite numbers there."
 # names of the results of functions
 WORDS = {"law": "force", "wind": "velocity"}
 # number of laws at a node that a message names

@@ -129,16 +129,16 @@ class WinchRows:
         x, v = (y.reshape(-1, 12)[:, :3] for y in (state.q, state.v))
         drum = t.node[t.first, 2]
         length = t.length[t.first] + (x[drum, 0] - t.origin[t.first])
-        rest = length / t.segments[t.first]
+        unstressed = length / t.segments[t.first]
 
         def force(k: Array) -> Array:
             """Return the force of segments k [W], at their middles, on their upper ends, [W, 3]."""
             along = x[t.node[k, 1]] - x[t.node[k, 0]]
             chord = np.linalg.norm(along, axis=1)
-            pull = t.stiffness[k] * np.maximum(chord - rest, 0.0) / rest
+            pull = t.stiffness[k] * np.maximum(chord - unstressed, 0.0) / unstressed
             return np.asarray((pull / np.maximum(chord, 1e-300))[:, None] * along)
 
-        weight = (t.mass[t.first] * rest)[:, None] * t.gravity
+        weight = (t.mass[t.first] * unstressed)[:, None] * t.gravity
         tension = []
         for end, side in ((t.first, 1), (self._last, -1)):
             own, other = force(end), force(end + side * (t.first < self._last))

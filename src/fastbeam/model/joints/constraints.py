@@ -72,7 +72,7 @@ class Distance:
         return np.eye(1)
 
 
-class KeptLink(NamedTuple):
+class ConstrainedJoint(NamedTuple):
     """Joint with multipliers, or a part of its conditions, between two nodes."""
 
     name: str
@@ -93,7 +93,7 @@ class KeptLink(NamedTuple):
         """Return the rates [m] of its gaps in space at t = 0 that its functions of time prescribe."""
         return np.full(self.forces(3), self.law.rate)
 
-    def by_motion(self, x: Array) -> list[tuple[int, Array, Array]]:
+    def by_velocities(self, x: Array) -> list[tuple[int, Array, Array]]:
         """Return the number of each node, and the derivatives of the gaps by its velocity and spin [m, 3]; x [2, 4, 3]."""
         lead = self.law.lead(x)
         out = []

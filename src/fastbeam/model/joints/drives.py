@@ -18,7 +18,7 @@ from fastbeam.kernels.joints.friction import AGAINST, RUB, RUBBED, SIGN, STICKS,
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.contact.drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of
 from fastbeam.model.forces.loads import factor_at, mean_factors
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import HALF_TURN
 
@@ -213,9 +213,9 @@ class Holds:
                                    np.zeros((d, ASKED)), empty((d, 2)), empty(2), empty(d), np.ones(1), np.zeros(d))
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
-    def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:
+    def _press(self, k: int, kept: list[ConstrainedJoint], n_sliders: int) -> tuple[int, int]:
         """Return the numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
-        mine = KeptLink(self.parts[k].joint.label, (0, 0), kept[0].law).joint
+        mine = ConstrainedJoint(self.parts[k].joint.label, (0, 0), kept[0].law).joint
         of_joint = [(j, link) for j, link in enumerate(kept) if link.joint == mine and not isinstance(link.law, Coordinate)]
         found = [next((n_sliders + j for j, link in of_joint if link.law.is_angle == turns), -1) for turns in (False, True)]
         return found[0], found[1]
@@ -269,13 +269,13 @@ class Holds:
         times = np.append(starts, end)
         for column, k in enumerate(mine.tolist()):
             if self.parts[k].speed is not None:
-                way = out[:, column] = lengths * self._mean(k, starts, lengths)
+                increments = out[:, column] = lengths * self._mean(k, starts, lengths)
             else:
                 values = np.array([self.value(k, t) for t in times.tolist()])
-                out[:, column], way = values[1:], np.diff(values)
-            if self.is_angle[k] and np.any(np.abs(way) > HALF_TURN):
+                out[:, column], increments = values[1:], np.diff(values)
+            if self.is_angle[k] and np.any(np.abs(increments) > HALF_TURN):
                 raise SceneError(f"{self.parts[k].label}: its prescribed motion turns by half a turn or more in the step from t "
-                                 f"= {times[int(np.argmax(np.abs(way)))]:.6g} s; use smaller steps")
+                                 f"= {times[int(np.argmax(np.abs(increments)))]:.6g} s; use smaller steps")
         return DriveTimes(drives, out)
 
     def controls(self, control: JointControl, starts: Array, lengths: Array) -> ControlTimes:

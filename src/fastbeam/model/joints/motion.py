@@ -235,8 +235,8 @@ class Motions(Feature):
 
     def energy(self, history: Array) -> Array:
         """Return the energy [C] that springs and elastic stops store, J; history [C, 3]."""
-        stiffness, rest = self.spring.T
-        energy = 0.5 * stiffness * (history[:, VALUE] - rest)**2
+        stiffness, neutral = self.spring.T
+        energy = 0.5 * stiffness * (history[:, VALUE] - neutral)**2
         return energy + self.holds.stop_energy(history[:, VALUE]) if self.holds.stopped.size else energy
 
     def own(self, history: Array, place: int) -> Array:
@@ -321,13 +321,14 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
     kind = np.array([KINDS[x.shape.what] for x in parts], np.int64)
     products = [one for x in parts for one in x.shape.products]
     start = np.concatenate(([0], np.cumsum([len(x.shape.products) for x in parts]))).astype(np.int64)
-    stiffness, damping, rest = (np.array([getattr(x, name) for x in parts], float) for name in ("stiffness", "damping", "rest"))
+    stiffness, damping, neutral = (np.array([getattr(x, name) for x in parts], float) for name in ("stiffness", "damping",
+                                                                                                   "rest"))
     motors, count = [x.motor for x in parts], len(parts)
     laws = [Coordinate(x.shape, frame) for x, _, frame in links.freedoms]
     table = JointMotion(node, row_of[bearing], block, kind, spin_root[node], start, np.array([x[:3] for x in products], np.int64),
                         np.array([x.sign for x in products]), turn.reshape(-1), np.array([x.at_start for x in laws]),
-                        place + MOTION * np.arange(count), stiffness, damping, rest,
+                        place + MOTION * np.arange(count), stiffness, damping, neutral,
                         np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(64))
     holds = holds_of(parts, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
     return Motions(table, np.arange(count), [x.name for x in parts], [x.label for x in parts], [x.shape.what for x in parts],
-                    motors, turn, node, np.stack((stiffness, rest), axis=1), table, laws, bool(np.any(damping)), holds)
+                    motors, turn, node, np.stack((stiffness, neutral), axis=1), table, laws, bool(np.any(damping)), holds)

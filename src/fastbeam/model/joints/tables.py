@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.kernels.joints.conditions import JointConditions
-from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.plane import TOLERANCE, NotPlanar, Plane, numbers_of
 
@@ -136,7 +136,7 @@ def left_in_plane(name: str, law: Any, normal: Array) -> Any:
         raise NotPlanar(f"the axis of {name} is oblique to the plane") from None
 
 
-def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], Array]:
+def constraints_in_plane(kept: list[ConstrainedJoint], normal: Array) -> tuple[list[ConstrainedJoint], Array]:
     """Return the joints with the conditions that are left in a plane, and the numbers of the remaining multipliers among all
     scalar ones.
 
@@ -165,7 +165,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
     return out, np.concatenate(singles)
 
 
-def conditions_in_plane(table: JointConditions, kept: list[KeptLink], plane: Plane) -> JointConditions | None:
+def conditions_in_plane(table: JointConditions, kept: list[ConstrainedJoint], plane: Plane) -> JointConditions | None:
     """Build the table for nodes with 3 unknowns; kept: joints of the scene in space. None where nothing is left."""
     mine = [link.law for link in kept if isinstance(link.law, Conditions)]
     keep = [law.left_in_plane(plane.axes[2]) for law in mine]

@@ -19,7 +19,7 @@ Array = np.ndarray
 def braking_time(model: Model, state: State, k: int) -> float:
     """Return the time in which a wave along the beam takes the momentum of the body that slider k, or contact k of moving meshes,
     carries, m / sqrt(EA rhoA), s; infinite without a body or a beam, or where supports hold either."""
-    is_free = model.held_in(state) & 7 != 7
+    is_free = model.fixed_in(state) & 7 != 7
     if model.moving is not None:
         table, point = model.moving.table_of(k), int(model.moving.points[k])
         # the point may be tied to the beam, instead of the beam to it: the body is that which the point belongs to

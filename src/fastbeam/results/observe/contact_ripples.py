@@ -37,7 +37,7 @@ OF_BORE = 239.0 / 2520.0
 # bores of more elements are as good as exact
 MOST_BORE = 4.0
 # sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
-MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
+MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_TRAVEL, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
 # number of checks from which on costly ones are made only once in as many
 SELDOM = 10
 
@@ -46,7 +46,7 @@ SELDOM = 10
 ROUNDED = 5e-4
 # blows at kinks next to the usual force; how much a force changes from one step to the next; rows in which they are looked for
 # behind one; distance of the tangents on both sides, of the length; kinks of a track at most
-BLOW, JUMP, ROWS_BEHIND, SMALL_WAY, MOST_KINKS = 2.0, 0.5, 3, 1e-6, 1000
+BLOW, JUMP, ROWS_BEHIND, NEARBY, MOST_KINKS = 2.0, 0.5, 3, 1e-6, 1000
 # blow of a kink of so many rad, below which there is none
 LEAST_BLOW = 1e-6
 
@@ -245,8 +245,8 @@ class Contacts:
         self.pairs = [(j, k, one, other) for some in of.values() for i, (j, one) in enumerate(some[:MOST])
                       for k, other in some[i + 1:MOST]][:5 * MOST]
         # sliders that nothing holds along their beam, with the mass that moves along it
-        held = () if scene is None else {part.at.owner for part in (*scene.clamps, *scene.pins, *scene.prescribed)}
-        self.free = {k: float(owner.mass if isinstance(owner, PointMass | RigidBody) and owner not in held
+        supported = () if scene is None else {part.at.owner for part in (*scene.clamps, *scene.pins, *scene.prescribed)}
+        self.free = {k: float(owner.mass if isinstance(owner, PointMass | RigidBody) and owner not in supported
                               else x.beams[0].section.rhoA * x.beam.length)
                      for k, x in points for owner in (_owner(x),)
                      if x.lock is None and not (x.drive is not None and x.drive.is_prescribed)}
@@ -300,8 +300,8 @@ class Contacts:
             if left and rows:
                 if span < 1.5 * h:
                     # across what it runs on: stops and drives act along
-                    way = self._tangent(k, float(s[k]), state)
-                    now, then = (x - (x @ way) * way for x in (force, last))
+                    tangents = self._tangent(k, float(s[k]), state)
+                    now, then = (x - (x @ tangents) * tangents for x in (force, last))
                     blow = max(float(np.linalg.norm(now)), float(np.linalg.norm(then)))
                     blow *= float(np.linalg.norm(now - then)) > JUMP * blow
                 else:
@@ -323,8 +323,8 @@ class Contacts:
     def _angle(self, k: int, place: float, state: Any) -> float:
         """Return the angle, rad, of the kink at a place of the curve of slider k."""
         track = self.sliders[k].beam
-        way = [self._tangent(k, s, state) for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length)]
-        return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(way[1] - way[0]))))
+        tangents = [self._tangent(k, s, state) for s in (place - NEARBY * track.length, place + NEARBY * track.length)]
+        return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(tangents[1] - tangents[0]))))
 
     def _blow(self, t: float, k: int, place: float, h: float, blow: float, usual: float) -> None:
         slider = self.sliders[k]
@@ -365,7 +365,7 @@ class Contacts:
             energy, t, contact = max(rows, key=lambda row: row[0])
             energy = float(np.mean([row[0] for row in rows]))
             # what is held some other way does not move
-            if energy > ENERGY * moving and self.largest[k] - self.least[k] > LEAST_WAY * contact.beam.length:
+            if energy > ENERGY * moving and self.largest[k] - self.least[k] > LEAST_TRAVEL * contact.beam.length:
                 text = (f"slider {contact.name!r}: on {contact.mesh} its energy varies by {energy:.2g} J within every element, "
                         f"but its kinetic energy along the beam is at most {moving:.2g} J. The place where it stops, and its "
                         "vibration there, depend on the mesh")
@@ -404,7 +404,7 @@ class Contacts:
         mean = beam.length / beam.basis.n_elements
         is_default = abs(sleeve.length - mean) <= 1e-12 * mean
         # the compliance L^3/3 of a cantilever with a force at its end changes by L^2 times that
-        error = 3.0 * (held_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
+        error = 3.0 * (stiffened_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
         if error > SLEEVE:
             text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the free length of {arm:.2g} m beside "
                     f"it is uncertain by a part of an element, so the beam may be too stiff by about {100.0 * error:.2g} %;  ")
@@ -454,7 +454,7 @@ class Contacts:
             self._note(f"{one.name} {other.name}", size / distance, t, text)
 
 
-def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
+def stiffened_length(beam: Beam, s: float, bore: float, curve: str) -> float:
     """Return the length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment
     there of a beam on two pins and of its elements, of which the mean over the bore is taken."""
     basis, around = beam.basis, AROUND if beam.interpolation == "lagrange" else AROUND_SPLINE
@@ -474,8 +474,8 @@ def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
     stiff = np.diag(beam.section.C)
     shear = float(np.min(stiff[1:3]) / np.max(stiff[4:]))
     found = float(moment @ np.linalg.solve(shear * piece.parts[0] + piece.parts[1], moment))
-    W, rest = float(ends[-1]), float(ends[-1]) - x
-    return (x**3 + rest**3) / (3.0 * W * W) + 1.0 / (shear * W) - found
+    W, remaining = float(ends[-1]), float(ends[-1]) - x
+    return (x**3 + remaining**3) / (3.0 * W * W) + 1.0 / (shear * W) - found
 
 
 def kinks_of(scene: Scene, slider: Slider) -> list[float]:
@@ -483,14 +483,14 @@ def kinks_of(scene: Scene, slider: Slider) -> list[float]:
     other parts act."""
     beams = slider.beams
     starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
-    ways = slider.beam.directions if isinstance(slider.beam, Path) else (1,)
+    senses = slider.beam.directions if isinstance(slider.beam, Path) else (1,)
     out = set(starts[1:-1].tolist()) | ({0.0} if slider.is_endless else set())
     for part in scene.parts:
         for node in vars(part).values():
             if isinstance(node, NodeRef) and node.owner in beams and 0 < node.index < node.owner.n_nodes - 1:
                 i = beams.index(node.owner)
                 local = float(node.owner.node_s[node.index])
-                out.add(float(starts[i] + (local if ways[i] > 0 else node.owner.length - local)))
+                out.add(float(starts[i] + (local if senses[i] > 0 else node.owner.length - local)))
     return sorted(out)[:MOST_KINKS]
 
 

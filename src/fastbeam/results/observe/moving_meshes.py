@@ -14,7 +14,7 @@ from fastbeam.results.readings import ALONG, EXCHANGED
 Array = np.ndarray
 
 
-class MeshRows:
+class MovingMeshSeries:
     """Rows of the contacts of a model with moving meshes; slider, energy: whether rows have sliders, and energies."""
 
     def __init__(self, model: Model, slider: bool, energy: bool) -> None:

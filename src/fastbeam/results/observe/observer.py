@@ -25,8 +25,8 @@ from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import own_state
 from fastbeam.model.workspace import ReferenceStrains, contact_of
 from fastbeam.results.exchanged import AT_START
-from fastbeam.results.observe.moving_meshes import MeshRows, moving_weight, place_rows
-from fastbeam.results.observe.points import PointRows
+from fastbeam.results.observe.moving_meshes import MovingMeshSeries, moving_weight, place_rows
+from fastbeam.results.observe.points import PointSeries
 from fastbeam.results.readings import TWISTING
 from fastbeam.results.result import ResultHeader
 from fastbeam.scene.checks import Place
@@ -37,7 +37,7 @@ KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity",
 # series that a scene has without features, points and sliders
 ALWAYS = {"iterations", "step_size", "kinetic", "strain", "gravity", "potential", "total", "lin_mom", "ang_mom"}
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
-REST = 1e7
+CALM = 1e7
 EPSILON = float(np.finfo(float).eps)
 # share of the size of the scene from which on a start counts as moved
 MOVED = 1e-11
@@ -49,13 +49,13 @@ class Observer:
     """Rows of the chosen series.
 
     points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds, positions to record, and
-        what `PointRows` has where it is asked for.
+        what `PointSeries` has where it is asked for.
     lost: float64 [2], energies that filters of strains have dissipated and store, J, as the stepper keeps them.
     strains: those of the run; default: of the model.
     Raises SceneError: an unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointSeries | None,
                  lost: Array | None = None, strains: ReferenceStrains | None = None) -> None:
         self.model, self.lost, self.kinds = model, lost, frozenset(kinds)
         self.strains = model.reference_strains if strains is None else strains.of(model)
@@ -64,8 +64,8 @@ class Observer:
         if "inner" in kinds:
             require(Analysis.INNER, model)
         self.slider = "slider" in kinds and model.n_sliders > 0
-        self.meshes = MeshRows(model, "slider" in kinds, self.energy)
-        self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
+        self.meshes = MovingMeshSeries(model, "slider" in kinds, self.energy)
+        self.points = points if isinstance(points, PointSeries) else PointSeries(model, kinds, points)
         self.of_nodes = "velocity" in kinds
         self.reactions = model.reaction_names if "reaction" in kinds else []
         # points whose section is balanced with them
@@ -133,7 +133,7 @@ class Observer:
         for feature in self._of["read"]:
             out |= feature.read(self.kinds, model, t, state)
         if self.energy or self.momentum:
-            self._motion(state.q, state.v)
+            self._kinetic(state.q, state.v)
             for feature in self._of["add_motion"]:
                 feature.add_motion(model, state, self._out)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
@@ -326,9 +326,9 @@ class Observer:
         model = self.model
         size = max(model.length, float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3]))))
         speed, mass = EPSILON * size / step, float(np.sum(model.gravity_weight))
-        rest = {}
+        floors = {}
         if self.momentum:
-            rest |= {"lin_mom": REST * mass * speed, "ang_mom": REST * mass * speed * size}
+            floors |= {"lin_mom": CALM * mass * speed, "ang_mom": CALM * mass * speed * size}
         if self.energy:
             # energies of round-off of the coordinates: of motion and strain, and of weight and loads, where it is of first order
             off = EPSILON * (1.0 - 2.0 * (np.arange(model.q0.size) * 2654435761 >> 16 & 1))  # signs without a pattern
@@ -338,13 +338,13 @@ class Observer:
             own = self._strain_energy(model.q0)
             ahead, back = (self._strain_energy(model.q0 + sign * off) - own for sign in (1.0, -1.0))
             strain, pull = 0.5 * abs(ahead + back), 0.5 * abs(ahead - back)
-            rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + pull + EPSILON * size * load)
-        return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
+            floors["total"] = floors["balance"] = CALM * (1e3 * (0.5 * mass * speed**2 + strain) + pull + EPSILON * size * load)
+        return {name: x for name in self.scale if (x := max(self.scale[name], floors.get(name, 0.0))) > 0.0}
 
     def _strain_energy(self, q: Array) -> float:
         return strain_energy(self.model, q, self._work, self.strains)
 
-    def _motion(self, q: Array, v: Array) -> None:
+    def _kinetic(self, q: Array, v: Array) -> None:
         """Evaluate kinetic energy and momenta into _out, momenta of the nodes into _p."""
         model = self.model
         self._p[:] = 0.0
@@ -367,7 +367,7 @@ class Observer:
         q[:, 0] -= arm
         v[:, 0] -= v[0, 0].copy()
         v[:, 0] -= weight @ v[:, 0]
-        self._motion(q.reshape(-1), v.reshape(-1))
+        self._kinetic(q.reshape(-1), v.reshape(-1))
         return {"center": first + arm, "inner_energy": float(self._out[0]) + self._strain_energy(q.reshape(-1)),
                 "inner_spin": self._out[4:7].copy()}
 

@@ -19,7 +19,7 @@ from fastbeam.scene.checks import Place
 Array = np.ndarray
 
 
-class PointRows:
+class PointSeries:
     """Series of points by name.
 
     kinds: observed kinds, of which 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.

@@ -80,8 +80,8 @@ def _quadratic(sizes: Array, ends: Array) -> tuple[Array, Array] | None:
         x.append(ends[half])
         w.append((sizes[half - 1] + sizes[half]) / 3.0 - left - right)
     else:
-        found = _two_points(*(((sizes[half] + sizes[e]) / 3.0 - rest) / sizes[half]
-                              for e, rest in ((half - 1, left), (half + 1, right))))
+        found = _two_points(*(((sizes[half] + sizes[e]) / 3.0 - remaining) / sizes[half]
+                              for e, remaining in ((half - 1, left), (half + 1, right))))
         if found is None:
             return None
         x += [ends[half] + t * sizes[half] for t in found[0]]

@@ -13,7 +13,7 @@ Array = np.ndarray
 # nearer where other directions change as well
 TOGETHER, NEARBY = 1e-6, (1e-3, 1e-4, 1e-5, 1e-6)
 # cosine of two directions that are the same
-SAME_WAY = 0.99
+PARALLEL = 0.99
 # where Newton's matrix is singular at a zero: distance of the samples beside it that are interpolated, as a share of the
 # step, from the first to the largest that is tried, and how many there are on either side
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
@@ -203,7 +203,7 @@ class PathStep:
         vectors = self.solver.within(found)
         way, factor = (a + size / self.size * (b - a) for a, b in zip(self.along, after))
         weighed = self.solver.weight * way
-        return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way + factor**2))
+        return bool(np.linalg.norm(weighed @ vectors) >= PARALLEL * np.sqrt(weighed @ way + factor**2))
 
     def _around(self, limit: float) -> tuple[float, int | None, int | None]:
         """Return the part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and

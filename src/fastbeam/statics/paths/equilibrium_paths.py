@@ -27,7 +27,7 @@ from fastbeam.scene import Beam, Clamp, NodeRef, Pin, PointMass, PrescribedMotio
 from fastbeam.scene.checks import Place
 from fastbeam.statics.arc_length import PathSolver
 from fastbeam.statics.load_laws import LawPath, law_path, laws_grow, user_forces
-from fastbeam.statics.moving_supports import StaticMotion, StaticShift, coordinates_of, leave_plane
+from fastbeam.statics.moving_supports import SupportPath, StaticShift, coordinates_of, leave_plane
 from fastbeam.statics.path_stops import wanted_of
 from fastbeam.statics.paths.walk import PathWalk
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
@@ -196,7 +196,7 @@ class _Task:
             begin = model.q0 if self.start is None else self.start.q
             found.motion = StaticShift(found.stepper.model, grows.moved, begin, self.load_factor)
         if grows.rides is not None:
-            ride = StaticMotion(found.stepper.model, found.state, True, grows.rides, "solve_path")
+            ride = SupportPath(found.stepper.model, found.state, True, grows.rides, "solve_path")
             ride.check_stands("solve_path", factor, coordinates_of(found.stepper, ride.own))
             if grows.rides[0] != grows.rides[1]:
                 found.motion = ride
