@@ -356,7 +356,7 @@ def test_a_support_that_moves_begins_at_its_place_of_that_time_or_it_is_told(mot
     state = model.state()
     state.q.reshape(-1, 4, 3)[end, 0, 2] += 0.01
     text, = said(model, "support", start=state)
-    assert "is 0.01 m off" in text
+    assert "is 0.01 m away" in text
 
 
 def test_a_support_that_turns_is_looked_at_as_well() -> None:
@@ -364,7 +364,7 @@ def test_a_support_that_turns_is_looked_at_as_well() -> None:
     later = fb.simulate(model, t_end=1.0, step=0.01, progress=False)
     assert said(model, "support", start=fb.Start(later.state, time=1.0)) == []
     text, = said(model, "support", start=later.state)
-    assert "is 0.3 rad off" in text
+    assert "is 0.3 rad away" in text
 
 
 def test_velocities_of_supports_that_move_are_told_and_mended() -> None:

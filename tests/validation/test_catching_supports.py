@@ -216,9 +216,9 @@ def moving(**more: Any) -> fb.Model:
     (lambda: fails(lambda t, state: np.nan), "since must return a finite number"),
     (lambda: moving(displacement=None, position=lambda t: (0, 0, t)), "give displacement instead of position"),
     (lambda: fb.solve_static(moving(), at_time=1.0, held=True), "engages in a run"),
-    (lambda: fb.simulate(falling()[0], t_end=0.1, step=0.01, order=4), "lets go or takes hold"),
+    (lambda: fb.simulate(falling()[0], t_end=0.1, step=0.01, order=4), "is released or engages"),
     (lambda: fb.simulate(falling()[0], t_end=0.1, step=0.01, method="midpoint"), "supports with until= or since="),
-    (lambda: fb.relax(falling()[0]), "lets go or takes hold")])
+    (lambda: fb.relax(falling()[0]), "is released or engages")])
 def test_what_makes_no_sense_is_refused(make: Callable[[], Any], says: str) -> None:
     with pytest.raises(fb.SceneError, match=says):
         make()

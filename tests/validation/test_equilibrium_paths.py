@@ -404,7 +404,7 @@ def test_what_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     model = fb.compile_scene(scene, planar=True)
     path = fb.solve_path(model)
     event = next(x for x in path.events if x["kind"] == "unresolved")
-    assert "the number of unstable directions changes from 0 to 1 , but the critical point was not located" in event["text"]
+    assert "the number of unstable directions changes from 0 to 1, but the critical point was not located" in event["text"]
     assert path.info["critical_points"] == [] and 1e-5 < np.min(path.series["step_size"][1:]) < 3e-4
     with pytest.raises(fb.ConvergenceError, match="not located, where the path may have to end .stop_at='limit'") as caught:
         fb.solve_path(model, stop_at="limit")
