@@ -129,11 +129,11 @@ class SliderForces(Feature):
                      lambda forces: forces.acts_on),
         Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions, "
                                                                                            "so a time is needed",
-             "give one time with at_time=...",
+             "give one time with at_time=t",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held)),
         Lack((Analysis.TIMELESS_MODES,), "drives that push, by functions of time", "{who}: drives have time functions, so a time "
                                                                                    "is needed",
-             "give one time with at_time=...",
+             "give one time with at_time=t",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held & ~forces.is_prescribed)),
         _without_adjoint("locks", lambda slider: slider.lock is not None),
         _without_adjoint("releases", lambda slider: slider.release is not None),
