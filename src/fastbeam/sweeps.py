@@ -463,7 +463,7 @@ class _InheritedJob:
         return self.job(k, case)
 
     def __reduce__(self) -> Any:
-        return "_KEPT"
+        return "_INHERITED"
 
 
 _INHERITED = _InheritedJob()

@@ -85,7 +85,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, nodes)
     for freedom, _, frame in unpacked.numbered.links.freedoms:
         if not freedom.joint.conditions:
-            # the conditions of other joints are checked by kept_in_plane
+            # the conditions of other joints are checked by constraints_in_plane
             left_in_plane(freedom.joint.label, Coordinate(freedom.shape, frame), normal)
     flat = to_plane(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam

@@ -79,7 +79,7 @@ def _joined(scene: Scene, model: Model) -> Iterator[Line]:
         yield "ties", f"{_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections"
     run = _solved(model)
     if run.held is not None:
-        yield "supports", f"{_plural(run.n_held, 'unknown')} fixed, eliminated"
+        yield "supports", f"{_plural(run.n_fixed, 'unknown')} fixed, eliminated"
 
 
 def _loads(scene: Scene, model: Model) -> Iterator[Line]:

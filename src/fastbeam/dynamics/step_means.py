@@ -21,7 +21,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
 
     Attributes
     ----------
-    points : PointRows
+    points : PointSeries
         Set before the first step.
     """
 

@@ -89,7 +89,7 @@ def unknown_to_methods(what: str, names: Callable[[Any, Asked], Iterable[str]] |
 def timed_loads(names: Callable[[Any, Asked], Iterable[str]]) -> Lack:
     """Declare that equilibria need a time."""
     return Lack((Analysis.TIMELESS_LOADS,), "functions of time", "{who}: loads have time functions, so a time is needed",
-                "give the time as at_time=", names)
+                "give the time with at_time=t", names)
 
 
 def without_adjoint(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:

@@ -264,7 +264,7 @@ class StaticShift(_Moving):
         return self._moves
 
     def pending(self, now: Array) -> Array | None:
-        """Return missing increments, see `StaticMotion.pending`, with those of `ahead` added."""
+        """Return missing increments, see `SupportPath.pending`, with those of `ahead` added."""
         out = np.zeros((self.own.size, 6))
         if np.any(np.linalg.norm((self.share - self._reached) * self.moves[:, 3:], axis=1) > LARGEST_TURN):
             return np.full_like(out, np.nan)
@@ -279,7 +279,7 @@ class StaticShift(_Moving):
         return out if out.any() else None
 
     def count_turns(self, out: Array) -> None:
-        """Write the rotation vectors of supports into numbers of a history, see `StaticMotion.count_turns`."""
+        """Write the rotation vectors of supports into numbers of a history, see `SupportPath.count_turns`."""
         of = self.model.prescribed
         if of is not None and of.turning:
             if self._turned is None:
@@ -289,7 +289,7 @@ class StaticShift(_Moving):
                     out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """Return increments of supports as increments of rows, see `StaticMotion.rows`.
+        """Return increments of supports as increments of rows, see `SupportPath.rows`.
 
         Raises
         ------

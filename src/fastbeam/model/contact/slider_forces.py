@@ -122,11 +122,11 @@ class SliderForces(Feature):
                      lambda forces: np.array([not x.slides_freely for x in forces.sliders])),
         Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions, "
                                                                                            "so a time is needed",
-             "give one time as at_time=",
+             "give one time with at_time=t",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held)),
         Lack((Analysis.TIMELESS_MODES,), "drives that push, by functions of time", "{who}: drives have time functions, so a time "
                                                                                    "is needed",
-             "give one time as at_time=",
+             "give one time with at_time=t",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held & ~forces.is_prescribed)),
         _without_adjoint("locks", lambda slider: slider.lock is not None),
         _without_adjoint("releases", lambda slider: slider.release is not None),

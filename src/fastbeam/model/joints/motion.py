@@ -68,9 +68,9 @@ class Motions(Feature):
                  lambda motions: motions.holds.given.tolist()),
         Lack((Analysis.TIMELESS,), "motors, drives and given values by functions of time",
              "{who}: motors, drives or prescribed motions of joints are functions of time, so a time is needed",
-             "give the time as at_time=", lambda motions, asked: ["joints"] * motions.holds.has_functions),
+             "give the time with at_time=t", lambda motions, asked: ["joints"] * motions.holds.has_functions),
         Lack((Analysis.TIMELESS_MODES,), "motors and drives by functions of time",
-             "{who}: motors or drives of joints are functions of time, so a time is needed", "give the time as at_time=",
+             "{who}: motors or drives of joints are functions of time, so a time is needed", "give the time with at_time=t",
              lambda motions, asked: ["joints"] * motions.holds.pushes_in_time),
         without_adjoint("friction, rigid stops", lambda motions, asked: [
             f"friction or rigid stops of {motions.labels[k]}" for k in motions.holds.rubs]))

@@ -48,7 +48,7 @@ POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
 class Observer:
     """Rows of the chosen series.
 
-    points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds, positions to record, and
+    points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointSeries of the same kinds, positions to record, and
         what `PointSeries` has where it is asked for.
     lost: float64 [2], energies that filters of strains have dissipated and store, J, as the stepper keeps them.
     strains: those of the run; default: of the model.
