@@ -201,9 +201,11 @@ def test_kept_bytes_are_those_of_all_arrays(condense: bool) -> None:
     scene = net_step.square_net(4, 3, 2, "rigid")
     stepper, *rest = run(fb.compile_scene(scene, planar=False, condense=condense), threads=1)
     kept, work = traffic.kept(stepper), stepper.work
-    # theta counts once, and loads with the tables
+    # theta counts once, and loads and reference strains with the tables
     assert work.increment.theta is work.theta and np.shares_memory(work.f_ext, stepper.core.loads.first)
+    assert work.reference_strains is stepper.core.reference_strains
     found = sum(map(arrays, (stepper.core_state, work, stepper.inner))) - work.theta.nbytes - work.f_ext.nbytes
+    found -= work.reference_strains.nbytes
     if condense:
         assert kept["factors"] > arrays(stepper.parts.subs.store) + arrays(stepper.parts.subs.ends)
         found += sum(map(arrays, (stepper.parts.subs.store, stepper.parts.subs.ends)))
@@ -216,7 +218,7 @@ def test_kept_bytes_are_those_of_all_arrays(condense: bool) -> None:
         found -= sum(map(arrays, (stepper.inner.where, stepper.inner.rows, stepper.inner.element, stepper.inner.first,
                                   stepper.inner.state)))
     assert sum(kept.values()) - kept["tables"] == found
-    assert kept["tables"] > arrays(stepper.core.simo)
+    assert kept["tables"] > arrays(stepper.core.simo) + work.reference_strains.nbytes
     names = {p.name for p in traffic.passes(stepper, *rest)}
     assert ("elements, condensed" in names, "elements" in names) == (condense, not condense)
 
