@@ -119,7 +119,7 @@ def test_what_cannot_be_exact_is_refused_by_name() -> None:
     net = fb.Net("net", nodes=[(0, 0, 0), (1, 0, 0), (2, 0, 0)], edges=[(0, 1), (1, 2)], section=SOFT, elements=2, pins=[0, 2])
     ring = fb.PointMass("ring", mass=1.0)
     model = fb.compile_scene(fb.Scene(net, ring, fb.Slider("run", ring, net.beam(0), at=0.4), gravity=(0, 0, -1)))
-    with pytest.raises(fb.SceneError, match="slider 'run' is on .*whose elements are equal; make it a Beam of its own"):
+    with pytest.raises(fb.SceneError, match="slider 'run' is on .*whose elements have equal lengths; make it a Beam of its own"):
         fb.solve_static(model, contacts="exact")
     a = fb.Beam.straight("a", (0, 0, 0), (1, 0, 0), section=SOFT, elements=2)
     b = fb.Beam.straight("b", (0.4, -1, 0), (0.4, 1, 0), section=SOFT, elements=2)

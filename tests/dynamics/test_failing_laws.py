@@ -52,9 +52,9 @@ def failing(*parts: Any, **options: Any) -> str:
                                                           r"not a "
                                                           r"finite force, at t = 0.0035 s, beam 'rod' node 6"),
     (lambda b: fb.UserForce("gust", b, root_of_time), r"user force 'gust': its law returns \(0, 0, nan"),
-    (lambda b: fb.UserForce("soil", b.end, root_of_place), r"user force 'soil': its law gives \(0, 0, nan"),
-    (lambda b: fb.LineForce(b.end, fb.GROUND.point((2, 0, 5)), "rope", law=along), "line force 'rope': its law gives"),
-    (lambda b: fb.ForceElement(b.end, fb.GROUND.point((2, 0, 5)), "pad", law=between), "force element 'pad': its law gives"),
+    (lambda b: fb.UserForce("soil", b.end, root_of_place), r"user force 'soil': its law returns \(0, 0, nan"),
+    (lambda b: fb.LineForce(b.end, fb.GROUND.point((2, 0, 5)), "rope", law=along), "line force 'rope': its law returns"),
+    (lambda b: fb.ForceElement(b.end, fb.GROUND.point((2, 0, 5)), "pad", law=between), "force element 'pad': its law returns"),
 ], ids=["node", "beam", "place", "line", "element"])
 def test_a_law_that_becomes_no_number_is_named(make: Any, says: str) -> None:
     import re

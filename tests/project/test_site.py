@@ -127,7 +127,7 @@ def test_entries_of_the_reference_show_arguments_defaults_and_errors(sections: d
              (("sliding", "Slider"), ("running", "simulate"), ("results", "Result.slider"))}
     assert "one_sided = None" in shown["Slider"] and "When it leaves the beam." in shown["Slider"]
     assert "Parameters: " in shown["simulate"] and "Raises: " in shown["simulate"] and "Returns: " in shown["simulate"]
-    assert all(x in shown["simulate"] for x in ("rho_inf = None", "checkpoint_every", "ConvergenceError", "ResultFileError"))
+    assert all(x in shown["simulate"] for x in ("output = None", "Output", "ConvergenceError", "ResultFileError"))
     assert shown["Result.slider"].startswith("slider ( name )")
     assert sections["api/results.html#fastbeam.Result.slider"]["title"] == "Result.slider"
 

@@ -202,7 +202,7 @@ def test_a_sweep_that_was_killed_goes_on(workers: int, tmp_path: Path) -> None:
             if (tmp_path / "s.h5").exists():
                 # beside the writer
                 found = len(fb.load_sweep(tmp_path / "s.h5"))
-        with pytest.raises(fb.ResultFileError, match="another sweep writes it"):
+        with pytest.raises(fb.ResultFileError, match="another sweep writes to it"):
             fb.sweep(slow, {"a": range(30)}, workers=1, file=tmp_path / "s.h5", overwrite=True)
         # its workers are told by nobody
         process.kill()

@@ -200,7 +200,7 @@ def test_titles_in_space_stand_above_the_shapes(height: float) -> None:
 
 def test_requests_that_the_result_cannot_meet_are_refused() -> None:
     empty = Result(t=[0.0])
-    with pytest.raises(SceneError, match="holds no snapshots"):
+    with pytest.raises(SceneError, match="has no snapshots"):
         plot_shapes(empty)
     with pytest.raises(SceneError, match="plot_shapes, plane: 'yx' does not exist: choose 'auto', 'xy', 'xz', 'yz' or '3d'"):
         plot_shapes(swing(), plane="yx")

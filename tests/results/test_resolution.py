@@ -170,7 +170,7 @@ def test_moving_elements_along_which_the_beam_turns_too_much_are_named() -> None
     model = fb.compile_scene(fb.with_moving_meshes(on_a_helix(24)))
     (text,) = of_moving(mesh_events(model, model.state()))
     length = float(model.moving.tables[0].length[0])
-    turn, most = float(text.split("bends or twists by ")[1].split()[0]), float(text.split("at most ")[1].split()[0])
+    turn, most = float(text.split("bends or twists by ")[1].split()[0]), float(text.split("shorter than ")[1].split()[0])
     # curvature and torsion of a helix of radius R and climb c: R/(R^2 + c^2), c/(R^2 + c^2)
     c = 0.3 / (2.0 * np.pi)
     rate = np.hypot(0.2, c) / (0.2**2 + c**2)

@@ -32,7 +32,7 @@ def test_a_result_warns_once_and_names_the_line_that_asked() -> None:
     assert str(result).splitlines()[-1].startswith(SAYS) and result.table().splitlines()[-1].startswith(SAYS)
     assert any(text.startswith(SAYS) for text in Texts(result._repr_html_()).texts)
     # what comes of that state has the same mesh
-    with pytest.warns(fb.ResultWarning, match="modes: not to be trusted, coarse"):
+    with pytest.warns(fb.ResultWarning, match="modes: unreliable result, coarse"):
         found = fb.modes(model, state=result.state, n=2, planar=True)
     assert found.table().splitlines()[-1].startswith(SAYS)
 
@@ -72,7 +72,7 @@ def test_calls_of_the_package_itself_do_not_warn() -> None:
         inside = {"__name__": "fastbeam.somewhere", "analysis": analysis}
         exec("found = analysis()", inside)
     assert inside["found"].events
-    with pytest.warns(fb.ResultWarning, match="analysis: not to be trusted, drift: large"):
+    with pytest.warns(fb.ResultWarning, match="analysis: unreliable result, drift: large"):
         analysis()
 
 

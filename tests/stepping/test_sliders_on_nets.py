@@ -165,7 +165,7 @@ OTHERS: dict[str, Any] = {"along": FORCES, "sleeves": SLEEVES, "border": ("wire"
 @pytest.mark.parametrize("others", [{}, OTHERS], ids=["carried", "with others"])
 def test_steps_are_those_of_the_dense_border(others: dict[str, Any]) -> None:
     model = model_of(scene(rate=2.0, **others), planar=False)
-    one, other = run(model, 20, solver=fb.Solver(threads=1)), run(model.uneliminated(planar=False), 20, solver="superlu")
+    one, other = run(model, 20, threads=1), run(model.uneliminated(planar=False), 20, backend="superlu")
     for name, tolerance in (("q", 1e-10), ("v", 1e-8), ("s", 1e-10), ("force", 1e-6)):
         a, b = getattr(one.state, name), getattr(other.state, name)
         assert np.max(np.abs(a - b)) < tolerance * max(1.0, np.max(np.abs(b))), name
@@ -176,8 +176,7 @@ def test_threads_and_pauses_do_not_change_bits(others: dict[str, Any], monkeypat
     monkeypatch.setattr(carriers, "LEAST_CARRIERS", 1)
     model = model_of(scene(rate=2.0, **others), planar=False)
     assert model.carriers.group[-1] > 0
-    one, two, pausing = run(model, 10, solver=fb.Solver(threads=1)), run(model, 10, solver=fb.Solver(threads=2)),
-    run(model, 4, solver=fb.Solver(threads=2))
+    one, two, pausing = run(model, 10, threads=1), run(model, 10, threads=2), run(model, 4, threads=2)
     again = Stepper(model, np.ones(1), pausing.copy_state(), memory=pausing.memory, threads=1)
     assert again.advance(0.0, STEP, 6, 4).status == kernels.OK
     for other in (two, again):
@@ -219,7 +218,7 @@ def test_rigid_stops_locks_releases_and_controllers_of_carried_sliders() -> None
 
 def test_dependent_sliders_move_as_with_the_dense_border_and_are_named_without_the_augmented_lagrangian() -> None:
     model = model_of(scene(twice=True, bodies=False))
-    one, other = run(model, 5, solver=fb.Solver(threads=1)), run(model.uneliminated(planar=False), 5, solver="superlu")
+    one, other = run(model, 5, threads=1), run(model.uneliminated(planar=False), 5, backend="superlu")
     assert np.max(np.abs(one.state.q - other.state.q)) < 1e-9
     assert np.max(np.abs(one.state.s - other.state.s)) < 1e-9
     with pytest.raises(fb.ConvergenceError, match="s0|again0"):
@@ -248,7 +247,7 @@ def test_a_sleeve_that_rubs_where_its_beam_turns_leaves_alone_one_that_does_not(
     for others in ((), ("sleeve",)):
         some = scene(degree=3, sleeves=SLEEVES[1:3], border=others)
         model = fb.compile_scene(some, condense=condense, planar=False)
-        state = run(model, 5, solver=fb.Solver(threads=1)).state
+        state = run(model, 5, threads=1).state
         node = model.numbers.number(some.nets[0].beam(3).node(5))
         spins.append(float(state.v.reshape(-1, 4, 3)[node, 2] @ state.q.reshape(-1, 4, 3)[node, 3]))
     # they feel each other through the net

@@ -337,7 +337,7 @@ BODY = body("block", (0, 0, 0))
 @pytest.mark.parametrize(("call", "text"), [
     (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), stiffness=3.0), "must be two numbers >= 0, one for the"),
     (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), angle=1.0), "angle must be two of them"),
-    (lambda: fb.PlanarJoint(fb.GROUND, BODY, "c", normal=(0, 0, 1), along=(1, 0, 1)), "does not lie in the plane"),
+    (lambda: fb.PlanarJoint(fb.GROUND, BODY, "c", normal=(0, 0, 1), along=(1, 0, 1)), "must lie in the plane"),
     (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), angle=1.0, friction=(1.0, 0.0)),
      "angle of cylindrical joint 'c': angle= prescribes its motion whatever the force, so friction="),
     (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), stops=(None, fb.Stops(0.1, 0.2))),

@@ -41,7 +41,7 @@ def test_what_is_no_equilibrium_is_refused_with_its_force() -> None:
     with pytest.raises(fb.SceneError, match="beam 'beam' .*has an unbalanced force of 20 N; .*load_factor=0"):
         fb.modes(model)
     rest = fb.solve_static(model, levels=(0.5,))
-    with pytest.raises(fb.SceneError, match="the state is no equilibrium"):
+    with pytest.raises(fb.SceneError, match="the state is not an equilibrium"):
         fb.modes(model, state=rest.state, load_factor=0.5)
     assert fb.modes(model, state=rest.state, n=2).info["solver"] in ("PARDISO", "SuperLU")
     with pytest.raises(fb.SceneError, match="loads have time functions, so a time is needed; give the time with at_time="):

@@ -386,7 +386,7 @@ def _lines(who: str, nodes: Array, edges: Array, d2: Any) -> tuple[Array, Array]
         given = checks.numbers(d2)
         hint = np.broadcast_to(given, d1.shape) if given is not None and given.shape == (3,) else given
         if hint is None or hint.shape != d1.shape or not np.all(np.abs(hint) <= checks.LARGEST):
-            raise SceneError(f"{who}: d2 must be 3 finite numbers or an array of them of shape [{len(d1)}, 3], got  "
+            raise SceneError(f"{who}: d2 must be 3 finite numbers or an array of them of shape [{len(d1)}, 3], got "
                              + (shown(d2) if hint is None else f"shape {list(hint.shape)}"))
     across = hint / np.maximum(np.linalg.norm(hint, axis=1), 1e-300)[:, None]
     for _ in range(2):

@@ -82,7 +82,7 @@ def _not_at_rest(analyses: tuple[Analysis, ...], what: str, some: Callable[[Slid
     """Declare that analyses at rest do not support some sliders, unless these are locked."""
     def names(forces: SliderForces, asked: Asked) -> list[str]:
         return [forces.sliders[k].name for k in np.flatnonzero(some(forces) & ~asked.held)]
-    return Lack(analyses, what, "{who}: slider {name!r} has  " + what + ", which equilibria do not support",
+    return Lack(analyses, what, "{who}: slider {name!r} has " + what + ", which equilibria do not support",
                 "lock it at its place with held=({name!r},), leave that out for the equilibrium, or run until it comes to "
                 "rest", names)
 

@@ -407,8 +407,8 @@ class Contacts:
         error = 3.0 * (stiffened_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
         if error > SLEEVE:
             text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the free length of {arm:.2g} m beside "
-                    f"it is uncertain by a part of an element, so the beam may be too stiff by about {100.0 * error:.2g} %;  ")
-            text += "its bore is one element long: give length=, 0 for a point, and  " if is_default else ""
+                    f"it is uncertain by a part of an element, so the beam may be too stiff by about {100.0 * error:.2g} %; ")
+            text += "its bore is one element long: give length=, 0 for a point, and " if is_default else ""
             text += f"use {math.ceil(error / SLEEVE)} times as many elements"
             text += ", or an element end at the sleeve" if beam.interpolation == "lagrange" else ""
             self._note(sleeve.name, error, t, text)
