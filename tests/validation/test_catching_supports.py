@@ -194,7 +194,7 @@ def test_equilibria_and_modes_are_those_before_it() -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=1e-12)
     run = fb.simulate(model, start=rest.state, t_end=1.2, step=0.01, progress=False)
     assert run.events[0]["kind"] == "caught" and run.events[0]["loss"] < 1e-18
-    with pytest.raises(fb.SceneError, match="prop has taken hold there; leave out its since="):
+    with pytest.raises(fb.SceneError, match="prop has engaged in this state; leave out its since="):
         fb.solve_static(model, start=run.state)
 
 

@@ -339,7 +339,7 @@ def test_buckling_load_of_a_column() -> None:
         slope = float(EIGHTH @ np.array([exact(**{**v, name: v[name] + k * e}) for k in AWAY])) / e
         assert found.by[name] == pytest.approx(slope, rel=1e-5 if name == "EA" else 1e-7), name
     assert np.max(np.abs(found.displacements[:, 1])) == pytest.approx(1.0) and np.max(np.abs(found.displacements[:, 0])) < 1e-6
-    with pytest.raises(fb.SceneError, match="the state is no critical point"):
+    with pytest.raises(fb.SceneError, match="the state is not a critical point"):
         fb.critical_sensitivity(build, v, state=model.state(), load_factor=0.0, scale={"side": 1.0})
     with pytest.raises(fb.ConvergenceError, match="the tangent of the equilibrium"):
         fb.sensitivity(lambda EI: build(**{**v, "EI": EI}), {"EI": 100.0}, state=path.state, load_factor=factor)

@@ -141,7 +141,7 @@ def test_equilibria_stay() -> None:
 
 @pytest.mark.parametrize(("damping", "options", "says"), [
     (0.0, {"order": 4}, "order=2"), (0.01, {}, "has material damping"), (0.0, {"observe": ("reaction",)}, "'reaction'"),
-    (0.0, {"method": fb.Method("midpoint", rho_inf=0.5)}, "not to 'midpoint'"),
+    (0.0, {"method": fb.Method("midpoint", rho_inf=0.5)}, "not for 'midpoint'"),
     (0.0, {"method": fb.Method(rho_inf=1.5)}, "must lie in")])
 def test_what_filters_do_not_go_together_with_is_refused(damping: float, options: dict[str, Any], says: str) -> None:
     beam = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=fb.Section(**SOFT, damping=damping), elements=2)

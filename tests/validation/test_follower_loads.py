@@ -86,7 +86,7 @@ def test_what_cannot_follow_is_refused() -> None:
     with pytest.raises(fb.SceneError, match="no directors that turn"):
         fb.Load("push", bead, force=(1, 0, 0), follower=True)
     rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2, degree=2)
-    with pytest.raises(fb.SceneError, match="are 3 numbers"):
+    with pytest.raises(fb.SceneError, match="must be 3 numbers"):
         fb.DistributedLoad("wind", rod, force=lambda s: np.zeros((len(s), 3)), follower=True)
     with pytest.raises(fb.SceneError, match="does not support follower load 'push'"):
         fb.simulate(cantilever(1.0)[0], t_end=1.0, step=0.1, method="midpoint")

@@ -49,7 +49,7 @@ def test_a_rope_that_goes_slack_is_told_with_its_time() -> None:
 def test_kinks_of_laws(spring: dict[str, Any], left: int) -> None:
     x = 0.8 if "compression_only" in spring else 1.2
     event, = told(run(bouncing(spring, x), 1.0, 0.01))
-    assert f"power {left} of the step" in event["text"] and event["time"] < 0.4
+    assert f"of order {left} in the step" in event["text"] and event["time"] < 0.4
 
 
 def slope(model: fb.Model, t_end: float, exact: float, at: int) -> float:

@@ -99,7 +99,7 @@ def test_laws_that_cannot_be_are_refused() -> None:
     with pytest.raises(fb.SceneError, match="finite numbers"):
         pair(fb.LineForce(ARM, LEG, law=lambda t, length, rate, parameters: np.nan))
     here = fb.PointMass("here", mass=1.0, position=(0, 0, 0))
-    with pytest.raises(fb.SceneError, match="same place"):
+    with pytest.raises(fb.SceneError, match="its ends coincide"):
         fb.compile_scene(fb.Scene(ARM, here, fb.LineForce(ARM, here, law=strut, parameters=(1.0, 1.0, 0.0))))
 
 
