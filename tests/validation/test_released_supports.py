@@ -145,7 +145,7 @@ def test_runs_go_on_across_and_behind_it(tmp_path: Path) -> None:
     # from a state alone: it knows what has let go
     again = fb.simulate(model, start=fb.Start(whole.state, time=0.1), t_end=0.2, step=0.005, progress=False)
     assert not again.events and again.drift("total") < 1e-12
-    with pytest.raises(fb.SceneError, match="hand has let go there"):
+    with pytest.raises(fb.SceneError, match="hand has been released in this state"):
         fb.solve_static(model, start=whole.state, held=True)
     # with step control, and a callback that hands states on
     run = fb.simulate(model, t_end=0.1, step=0.005, tolerance=1e-6, progress=False)

@@ -203,7 +203,7 @@ def test_equilibrium_against_a_stop_of_the_second_track() -> None:
 def test_what_is_refused() -> None:
     a, b = (fb.Beam.straight(name, (k, 0, 0), (k + 1.0, 0, 0), section=STIFF, elements=2) for k, name in enumerate("ab"))
     bead, on = fb.PointMass("bead", mass=1.0), fb.Switch("w", [a, b])
-    for message, more in (("none of the tracks", {"stops": fb.Stops(end=("x", 0.2))}),
+    for message, more in (("not one of the tracks", {"stops": fb.Stops(end=("x", 0.2))}),
                           ("beyond beam 'b'", {"lock": fb.Lock(at=(b, 1.5))}),
                           ("must enclose its place", {"stops": fb.Stops(end=0.3)}),
                           ("must enclose its place", {"stops": fb.Stops(end=(a, 0.3))}),

@@ -306,7 +306,7 @@ def test_frequencies_of_a_bead_at_rest_are_seen_in_time() -> None:
     assert any(abs(found.slides[k, 0]) > 0.9 for k in swings), "the bead rolls along"
     for k in swings:
         assert seen_in_time(model, found, k, bead) < 1e-6
-    with pytest.raises(fb.SceneError, match="the state is no equilibrium"):
+    with pytest.raises(fb.SceneError, match="the state is not an equilibrium"):
         fb.modes(model, state=found.state(1, 0.01))
     clipped = fb.modes(model, state=state, held=True, n=6)
     assert np.all(clipped.slides == 0.0)
