@@ -166,7 +166,8 @@ REFUSED: dict[str, tuple[Callable[[], fb.Scene], str]] = {
     "velocity": (lambda: around(beam(), body(velocity=(1, 0, 1e-3))),
                  "the initial velocity of body 'body' points out of the plane"),
     "spin": (lambda: around(beam(), body(spin=(0, 1e-3, 1))), "does not lie in the plane of the other nodes"),
-    "spin about an axis of the plane": (lambda: around(beam(), fb.RigidMotion(spin=(1, 0, 0))), "does not lie in the plane of the other nodes"),
+    "spin about an axis of the plane": (lambda: around(beam(), fb.RigidMotion(spin=(1, 0, 0))),
+                                        "does not lie in the plane of the other nodes"),
     "spins about two axes": (lambda: around(beam(), body(spin=(0, 0, 1)), fb.RigidBody(
         "top", mass=1.0, inertia=(1, 1, 1), position=(2, 2, 0), spin=(0, 0.5, 0))),
         "the initial spin of body 'top' is not about the normal"),

@@ -263,7 +263,8 @@ def test_what_is_no_link_is_not_registered() -> None:
     class Nameless(extend.Link):
         pass
 
-    for noun, text in ((fb.PointMass, "must be a class derived from Link"), (extend.Link, "must be a class"), (3, "must be a class"),
+    for noun, text in ((fb.PointMass, "must be a class derived from Link"), (extend.Link, "must be a class"),
+                       (3, "must be a class"),
                        (Nameless, "Nameless.kind must be a text for messages, got 'link'")):
         with pytest.raises(TypeError, match=text):
             extend.register_link(noun, Ties)

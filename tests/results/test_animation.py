@@ -266,7 +266,8 @@ def test_films_of_modes_that_will_not_do(tmp_path: Path) -> None:
                                (dict(result=found, mode=2), "mode 2 does not exist: there are 2"),
                                (dict(result=found, mode=[]), "mode: names no mode"),
                                (dict(result=found, mode="first"), "mode: must be the number of a mode, from 0, or several"),
-                               (dict(result=pendulum(), mode=0), r"mode is for modes \(the result of fb\.modes\), but a Result was given"),
+                               (dict(result=pendulum(), mode=0),
+                                r"mode is for modes \(the result of fb\.modes\), but a Result was given"),
                                (dict(result=pendulum(), decay=False), "decay is for modes"),
                                (dict(result=free_modes(np.zeros(0), np.zeros((0, 5, 3)))), "there are no modes to show"),
                                (dict(result=3), "must be a Result or Modes, got 3; what simulate")):
