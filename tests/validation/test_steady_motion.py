@@ -272,7 +272,7 @@ def test_what_is_not_steady_is_refused() -> None:
         fb.solve_static(falls, steady=fb.Travel({beam: 1.0}))
     with pytest.raises(fb.SceneError, match="is not in scene"):
         fb.solve_static(falls, steady=fb.Travel({other: 1.0}))
-    with pytest.raises(fb.SceneError, match="the state is no equilibrium"):
+    with pytest.raises(fb.SceneError, match="the state is not an equilibrium"):
         fb.modes(falls, load_factor=0.0, steady=fb.Spin(1.0))
     mass = fb.PointMass("mass", mass=1.0, position=(0, 0, 1))
     dragged = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), mass, fb.Drag("air", mass, normal=1.0)))
