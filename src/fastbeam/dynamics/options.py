@@ -158,8 +158,6 @@ def shape_of_start(analysis: str, model: Model, start: Any) -> tuple[State | Non
     SceneError
         The start has a time or velocities, is a checkpoint, or no state that the scene allows.
     """
-    if start is None:
-        return None, []
     if isinstance(start.state, Checkpoint):
         raise SceneError(f"{analysis}, start: must be a State (result.state, model.state()), got a Checkpoint; of a checkpoint: "
                          "checkpoint.state")

@@ -55,16 +55,20 @@ class Part(Generic[T]):
 
 
 class Of(Generic[T]):
-    """Descriptor: an attribute of the feature with a key, or what stands for it in a model without that feature."""
+    """Descriptor: an attribute of the feature with a key, or what stands for it in a model without that feature; read once."""
 
     def __init__(self, key: str, name: str, without: T) -> None:
         self._key, self._name, self._without = key, name, without
 
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._own = name
+
     def __get__(self, model: Any, owner: type | None = None) -> T:
         if model is None:
             return self  # type: ignore[return-value]
-        found = model.by_key.get(self._key)
-        return self._without if found is None else getattr(found, self._name)  # type: ignore[no-any-return]
+        of = model.by_key.get(self._key)
+        found = vars(model)[self._own] = self._without if of is None else getattr(of, self._name)
+        return found  # type: ignore[no-any-return]
 
 
 class WithFeatures:

@@ -124,7 +124,7 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
                          "observe=('reaction',))")
     factors = load_factors_at("relax", model, at_time)
-    state, notes = shape_of_start("relax", model, start)
+    state, notes = (None, []) if start is None else shape_of_start("relax", model, start)
     way = _way(model, state, at_time)
     at_rest = _at_rest(model, factors, way)
     run = _Relaxation(model, at_rest, state, factors, at_time or 0.0, max_iterations, backend, observe, points, way)

@@ -170,7 +170,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         check_steady("solve_static", model, steady, factors)
         if model.asked_for_plane:
             raise SceneError("solve_static: steady= is available in space only; compile the scene without planar=True")
-    state, notes = shape_of_start("solve_static", model, start)
+    state, notes = (None, []) if start is None else shape_of_start("solve_static", model, start)
     task = StaticTask(model, state, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
                       backend, threads, raise_loads, contacts, steady)
     result = LoadSteps(task).find(load_step, largest_load_step)
