@@ -452,7 +452,7 @@ def _size(x: Any) -> float:
 def _simulate(h: Host, **options: Any) -> Found:
     u = h.u
     # steps with filters have no reactions
-    observe = ("energy", "momentum", "slider", "joint", *(() if "rho_inf" in options else ("reaction",)))
+    observe = ("energy", "momentum", "slider", "joint", *(() if "method" in options else ("reaction",)))
     run = fb.simulate(fb.compile_scene(h.scene, planar=False), t_end=STEPS * H * u.s, step=H * u.s, every=1,
                       output=fb.Output(snapshots=0),
                       progress=False, points=h.points, observe=observe, **options)
