@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Union, overload
 import numpy as np
 
 from fastbeam.compile.compile import compile_scene
-from fastbeam.dynamics.options import OLD, Method, Output, Solver, Start, StepControl
+from fastbeam.dynamics.options import OLD, Method, Output, Solver, Start, StepControl, grouped
 from fastbeam.dynamics.time_loop import simulate
 from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Function, Names, Word, checked, real, shown
 from fastbeam.interface.deprecation import regroup
@@ -362,9 +362,7 @@ class Job:
 
     def _arguments(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return the given arguments of `simulate`; without shapes, and on the threads of the sweep, where they do not say."""
-        output, solver = run.get("output") or Output(), run.get("solver") or Solver()
-        output = output if isinstance(output, Output) else Output(output)
-        solver = solver if isinstance(solver, Solver) else Solver(solver)
+        output, solver = grouped(Output, run.get("output")), grouped(Solver, run.get("solver"))
         return {"progress": False, **run, "output": replace(output, snapshots=output.snapshots or 0),
                 "solver": replace(solver, threads=solver.threads or self.threads)}
 

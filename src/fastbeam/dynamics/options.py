@@ -7,7 +7,7 @@ from os import PathLike
 from typing import Any
 
 from fastbeam.dynamics.checkpoint import Checkpoint
-from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Instance, Maybe, Number, Refusal, Word, checked
+from fastbeam.interface.arguments import Count, FilePath, Flag, Instance, Number, Refusal, Word, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
 from fastbeam.model.model import Model
@@ -73,7 +73,7 @@ class StepControl:
     tolerance : float
         Local error of a position per step, relative to the size of the scene; of what turns at its radius of gyration.
     min_step, max_step : float
-        Bounds of the step size, s; default step*1e-6 and (t_end - t_start)/10.
+        Bounds of the step size, s; default a millionth of the first step and a tenth of the run.
     """
 
     tolerance: float
@@ -108,7 +108,7 @@ class Output:
     checkpoint_every: float = 60.0
 
 
-@checked(backend=Word(), threads=Maybe(Count(most=1024)), max_iterations=Count(most=10_000), augmentation=Number())
+@checked(backend=Word(), threads=Count(most=1024), max_iterations=Count(most=10_000), augmentation=Number())
 @dataclass(frozen=True)
 class Solver:
     """Solver of the equations of a step.
@@ -139,7 +139,7 @@ class Group:
     """Kind of a group of arguments, or of its first one alone."""
 
     group: Callable[..., Any]
-    first: Callable[[Any], Any] = Anything()
+    first: Callable[[Any], Any]
 
     def __call__(self, value: Any) -> Any:
         if isinstance(value, self.group):  # type: ignore[arg-type]
@@ -167,10 +167,17 @@ def shape_of_start(analysis: str, model: Model, start: Any) -> tuple[State | Non
     return (None, []) if start.state is None else check_start(model, start.state, 1.0, start.mend, at_rest=True)
 
 
+def grouped(group: Callable[..., Any], value: Any) -> Any:
+    """Return a group of arguments, or make it of its first one alone; without a value with its defaults."""
+    if isinstance(value, group):  # type: ignore[arg-type]
+        return value
+    return group() if value is None else group(value)
+
+
 def groups(method: Any, tolerance: Any, start: Any, output: Any, solver: Any) -> tuple[Method, StepControl | None, Start, Output,
                                                                                       Solver]:
     """Return the groups that `Group` made of arguments of `simulate`, and defaults where there are none."""
-    return method, tolerance, start or Start(), output or Output(), solver
+    return method, tolerance, grouped(Start, start), grouped(Output, output), solver
 
 
 # old argument of solve_static and relax, of `simulate` -> (argument, its class, name there)
