@@ -9,7 +9,7 @@ from exchange import balanced, exchanged, unit_of_strains
 
 import fastbeam as fb
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.contact.friction_fallback import MOST_FLIPS
+from fastbeam.kernels.contact.coulomb import MOST_FLIPS
 from fastbeam.kernels.contact.slider_forces import AGAINST
 from fastbeam.scene.slider_forces import initial_rate
 from fastbeam.stepping.stepper import Stepper
@@ -378,7 +378,7 @@ def test_friction_goes_there_and_back(flips: int, planar: Any) -> None:
     def go(h: float, n: int) -> None:
         for _ in range(n):
             stepper.parts.start(h)
-            stepper.along.flips[:] = flips
+            stepper.along.coulomb.flips[:] = flips
             iterate(stepper, h)
             stepper.parts.finish(h)
 
@@ -414,7 +414,7 @@ def test_a_slider_in_doubt_stays_at_its_stop() -> None:
         stepper.load(start)
         stepper.core_state.history[AGAINST] = -1.0
         stepper.parts.start(1e-3)
-        stepper.along.flips[:] = flips
+        stepper.along.coulomb.flips[:] = flips
         iterate(stepper, 1e-3)
         stepper.parts.finish(1e-3)
         assert (stepper.state.s[0] > 1.0) == leaves and (stepper.state.history[AGAINST] == 0.0) == leaves

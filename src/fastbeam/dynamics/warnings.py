@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.dynamics.callback import given_places
 from fastbeam.dynamics.control import UNRESOLVED_TURN
 from fastbeam.dynamics.kinks import Kinks
-from fastbeam.kernels.contact.friction_fallback import MISSED, Fallback
+from fastbeam.kernels.contact.coulomb import Coulomb
 from fastbeam.kernels.state import State
 from fastbeam.model.contact.sleeve_twist import rubbing, twist_label
 from fastbeam.model.model import Model
@@ -95,8 +95,8 @@ class Watch:
     def friction(self, t: float, h: float) -> None:
         """Add an event where a step since the last row has missed Coulomb's law, once a run and coordinate."""
         for stepper in filter(None, (self.stepper, self.stepper.made_fallback)):
-            for fallback, name_of in fallbacks_of(stepper):
-                for i in np.flatnonzero(fallback.counts[:, MISSED]):
+            for coulomb, name_of in friction_of(stepper):
+                for i in np.flatnonzero(coulomb.missed):
                     name = name_of(i)
                     if name in self._missed or len(self._missed) >= MOST_NAMED:
                         continue
@@ -156,16 +156,16 @@ class Watch:
                 self.event(event)
 
 
-def fallbacks_of(stepper: Stepper) -> list[tuple[Fallback, Callable[[int], str]]]:
-    """List records of friction whose slip directions cycled in a stepper, with a function that returns the name of a coordinate:
+def friction_of(stepper: Stepper) -> list[tuple[Coulomb, Callable[[int], str]]]:
+    """List records of Coulomb's law in a stepper, with a function that returns the name of a coordinate:
     rows ask for it, and there may be many."""
-    model, out = stepper.model, list[tuple[Fallback, Callable[[int], str]]]()
+    model, out = stepper.model, list[tuple[Coulomb, Callable[[int], str]]]()
     names, motions = model.names["sliders"], model.motions
     if stepper.along is not None:
-        out.append((stepper.along.fallback, lambda i: f"slider {names[i]!r}"))
+        out.append((stepper.along.coulomb, lambda i: f"slider {names[i]!r}"))
     sleeves = rubbing(stepper.terms)
     if sleeves is not None:
-        out.append((sleeves.twist.fallback, lambda i: twist_label(f"sleeve {names[model.sleeve_pairs[i, 0]]!r}")))
+        out.append((sleeves.twist.coulomb, lambda i: twist_label(f"sleeve {names[model.sleeve_pairs[i, 0]]!r}")))
     if stepper.motion is not None and stepper.motion.friction is not None:
-        out.append((stepper.motion.friction.fallback, lambda i: f"joint {motions.names[motions.holds.rubs[i]]!r}"))
+        out.append((stepper.motion.friction.coulomb, lambda i: f"joint {motions.names[motions.holds.rubs[i]]!r}"))
     return out

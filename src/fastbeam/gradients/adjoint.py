@@ -16,7 +16,7 @@ from fastbeam.interface.arguments import LARGEST, Anything, Count, Names, Number
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import Doubts, warns
 from fastbeam.interface.synonyms import known
-from fastbeam.kernels.contact.friction_fallback import MOST_FLIPS
+from fastbeam.kernels.contact.coulomb import MOST_FLIPS
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.loop import OK
@@ -197,8 +197,8 @@ class AdjointRun(Doubts):
                 out.force[k] = state.force
                 if stepper.along is not None:
                     along = stepper.along if stepper.linear.fallbacks == pivoting else stepper.fallback.along
-                    out.sign[k], out.rest[k] = along.sign, along.rest
-                    fallback = np.flatnonzero((along.flips >= MOST_FLIPS) & self.model.slider_forces.hold_by_friction)
+                    out.sign[k], out.rest[k] = along.coulomb.sign, along.coulomb.rest
+                    fallback = np.flatnonzero((along.coulomb.flips >= MOST_FLIPS) & self.model.slider_forces.hold_by_friction)
                     if fallback.size and self._undecided is None:
                         self._undecided = first + k, self.model.names["sliders"][fallback[0]]
         return out

@@ -11,6 +11,7 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.beams.nodes import extrapolation, remember
+from fastbeam.kernels.contact.coulomb import begin_fallback, cycles, next_stage
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import kernel
@@ -20,7 +21,7 @@ from fastbeam.kernels.linalg.chain import Elimination, OneSide, RightSides, back
 from fastbeam.kernels.linalg.pardiso import PardisoTables, solve_sparse
 from fastbeam.kernels.linalg.pardiso import begin_step as begin_pardiso_step
 from fastbeam.kernels.state import (
-    IN_FALLBACK,
+    FALLBACK,
     MORE_ITERATIONS,
     clear_equations,
     copy,
@@ -73,6 +74,8 @@ from fastbeam.kernels.terms import (
 )
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
+# slip directions of friction cycle: the step begins again with their fallback (contact/coulomb.py)
+CYCLES = 6
 # increments below these may be round-off: if they do not shrink; if they are far longer than expected
 SMALL_INCREMENT, SMALLEST_INCREMENT = 1e-9, 1e-11
 # increment, in sizes of the scene, that counts as divergence of a step in time
@@ -181,6 +184,7 @@ def put_mean_loads(loads, system, k):
 def assemble_step(terms, system, h):
     """Assemble residual and tangent of one Newton iteration at the present dphi, theta, s_end, force."""
     method = system.method
+    next_stage(system.work.increment)
     clear_equations(system.work)
     spread_nodes.call(system.dofs, method, system.state, system.work, h, 0, system.row_of.shape[0])
     clear.each(terms, method, system)
@@ -323,7 +327,7 @@ def has_converged(size, before, expected):
 @kernel
 def newton(terms, system, h, max_iterations, largest, sizes_out):
     """Iterate by Newton's method from the first guess; return (status, iterations). An increment beyond `largest`, relative to
-    the scene, ends it. MORE_ITERATIONS times as many iterations are allowed if slip directions cycle (friction_fallback.py).
+    the scene, ends it. MORE_ITERATIONS times as many iterations are allowed if slip directions cycle (coulomb.py).
 
     sizes_out [MORE_ITERATIONS max_iterations]: sizes of the increments; -1 - k: slider k makes the border singular."""
     begin_solver.call(system.solver)
@@ -331,7 +335,7 @@ def newton(terms, system, h, max_iterations, largest, sizes_out):
     for it in range(sizes_out.shape[0]):
         sizes_out[it] = 0.0
     for it in range(MORE_ITERATIONS * max_iterations):
-        if it == max_iterations and system.work.increment.control[IN_FALLBACK] == 0.0:
+        if it == max_iterations and system.work.increment.control[FALLBACK] == 0.0:
             return NOT_CONVERGED, it
         assemble_step(terms, system, h)
         fill.call(system.contact, terms, system)
@@ -345,6 +349,8 @@ def newton(terms, system, h, max_iterations, largest, sizes_out):
             return NOT_FINITE, it + 1
         if has_converged(moved, before, expected) and is_settled.all(terms, system):
             return OK, it + 1
+        if cycles(system.work.increment):
+            return CYCLES, it + 1
         expected = next_increment(moved, before)
         before = moved
     return NOT_CONVERGED, MORE_ITERATIONS * max_iterations
@@ -363,6 +369,16 @@ def restore_state(system):
     """Restore the state that `keep_state` saved."""
     restore.call(system.method)
     restore_arrays(system.state, system.work)
+
+
+@kernel
+def begin_again(terms, system, h, k):
+    """Begin step k of size h once more, with the fallback of friction from its first guess on: slip directions that cycle may have
+    led far from it."""
+    restore_state(system)
+    put_loads.each(terms, system, k)
+    begin_step.call(system.method, terms, system, h)
+    begin_fallback(system.work.increment)
 
 
 @kernel
@@ -420,6 +436,14 @@ def run(terms, system, weights, h, n_steps, max_iterations, counts_out, sizes_ou
             begin_step.call(system.method, terms, system, hm)
             status, iterations = newton(terms, system, hm, max_iterations, LARGEST_IN_TIME, sizes_out)
             counts_out[2] += iterations
+            if status == CYCLES:
+                begin_fallback(system.work.increment)
+                status, iterations = newton(terms, system, hm, max_iterations, LARGEST_IN_TIME, sizes_out)
+                counts_out[2] += iterations
+                if status != OK and weights.shape[0] == 1:
+                    begin_again(terms, system, hm, n)
+                    status, iterations = newton(terms, system, hm, max_iterations, LARGEST_IN_TIME, sizes_out)
+                    counts_out[2] += iterations
             if status != OK:
                 break
             finish_step(terms, system, hm)
@@ -479,6 +503,7 @@ def guess_some(terms, system, h, c):
 
 @kernel
 def clear_some(terms, system):
+    next_stage(system.work.increment)
     clear.each(terms, system.method, system)
 
 

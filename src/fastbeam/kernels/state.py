@@ -12,18 +12,23 @@ from fastbeam.kernels.jit.decorators import kernel, separate
 
 # `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
-# index in `control`: 1 if slip directions cycle (friction_fallback.py); the step may then take this many times the iterations
-IN_FALLBACK, MORE_ITERATIONS = 3, 4
+# index in `control`: stage of the step if slip directions cycle (coulomb.py), else 0; it may then take this many times as many
+# iterations
+FALLBACK, MORE_ITERATIONS = 3, 5
 # index in `control`: 1 if friction began to stick or to slip in this iteration, so that its increment is more than round-off
 CHANGED = 4
+# indices in `control`: 1 if the next stage is asked for; iterations of this stage; how often its compliance was made larger;
+# iterations since its active set could change, and how often it could; size of the last increment, and of the one before
+ASKED, TRIED, SOFTENED, WAITED, ROUNDS, MOVED, MOVED_BEFORE = range(5, 12)
+CONTROLS = 12
 
 
 class LastIncrement(NamedTuple):
     """Last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    control: np.ndarray   # float64 [5]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
-    #                       the scene, up to which it does not; size of the first increment of the step, -1 before there is one;
-    #                       IN_DOUBT, CHANGED
+    control: np.ndarray   # float64 [12]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that
+    #                       of the scene, up to which it does not; size of the first increment of the step, -1 before there is
+    #                       one; FALLBACK, CHANGED, and those of coulomb.py
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:
     #                       rows of three are read as rows of four
     x: np.ndarray         # float64 [8 (rows + 1)]: increment of all rows
@@ -112,8 +117,8 @@ def start_increment(work):
     first = work.past[work.past.shape[0] - 1]
     follow_increment(work.increment, first if work.past[0] > 0.0 else np.inf)
     work.increment.control[2] = -1.0
-    work.increment.control[IN_FALLBACK] = 0.0
-    work.increment.control[CHANGED] = 0.0
+    for i in range(FALLBACK, work.increment.control.shape[0]):
+        work.increment.control[i] = 0.0
     if work.increment.control[0] != 0.0:
         work.increment.control[0] = FROM_START
 
@@ -125,6 +130,8 @@ def follow_increment(increment, moved):
     for i in range(increment.x.shape[0] - 8, increment.x.shape[0]):
         increment.x[i] = 0.0
     increment.control[0] = 0.0 if moved <= increment.control[1] else 1.0
+    increment.control[MOVED_BEFORE] = increment.control[MOVED]
+    increment.control[MOVED] = moved
     if increment.control[2] < 0.0:
         increment.control[2] = moved
 
@@ -132,7 +139,6 @@ def follow_increment(increment, moved):
 @kernel
 def clear_equations(work):
     """Start a residual with the loads and a tangent with zeros."""
-    work.increment.control[CHANGED] = 0.0
     for i in range(work.r.shape[0]):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):

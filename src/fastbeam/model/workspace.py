@@ -20,7 +20,7 @@ from fastbeam.kernels.forces.user_force import FACTOR, SIZE
 from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.linalg.substructures import Substructures, place_stores
-from fastbeam.kernels.state import LastIncrement, Work, aligned
+from fastbeam.kernels.state import CONTROLS, LastIncrement, Work, aligned
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.model import Model
 
@@ -109,8 +109,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False, strains: Refer
                 keep_theta=empty(kept * theta.size),
                 past=np.zeros(model.past_size),
                 keep_past=empty(kept * model.past_size),
-                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_empty(8 * (n + 1)),
-                               NoTies() if model.ties is None else _padded(model.dim * n)),
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0, *np.zeros(CONTROLS - 3)]), theta,
+                                        aligned_empty(8 * (n + 1)), NoTies() if model.ties is None else _padded(model.dim * n)),
                 reference_strains=model.reference_strains if strains is None else strains.of(model))
 
 

@@ -9,7 +9,7 @@ from fastbeam.kernels.beams.beam_term import Beams
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import NoInner
 from fastbeam.kernels.beams.nodes import Held
-from fastbeam.kernels.contact.friction_fallback import Fallback
+from fastbeam.kernels.contact.coulomb import part_of
 from fastbeam.kernels.contact.sleeve import NoTwist, Sleeves
 from fastbeam.kernels.contact.slider import NoSleeves, Sliders, Sliding
 from fastbeam.kernels.contact.slider_forces import Along
@@ -29,8 +29,8 @@ from fastbeam.stepping.iteration import Owner
 
 Array = np.ndarray
 # fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets
-BEFORE = "given", "sign", "rest", "flips", "judged", "against", "held", "offset"
-BEHIND = "asked", "sign", "rest", "flips", "judged", "needed", "under", "taken", "shapes"
+BEFORE = "given", "held", "offset"
+BEHIND = "asked", "needed", "under", "taken", "shapes"
 
 
 def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:
@@ -107,21 +107,21 @@ class AlongGroup:
     def __init__(self, whole: Along, sliders: Array) -> None:
         self.whole, self.sliders = whole, sliders
         # the clock is that of the scene
-        rows = {name: getattr(whole, name)[sliders] for name in Along._fields if name not in ("clock", "fallback")}
-        self.part = whole._replace(fallback=Fallback(*(x[sliders] for x in whole.fallback)), **rows)
+        rows = {name: getattr(whole, name)[sliders] for name in Along._fields if name not in ("clock", "coulomb")}
+        self.part = whole._replace(coulomb=part_of(whole.coulomb, sliders), **rows)
 
     def take(self) -> None:
         """Copy rows of the scene as they are at the start of an iteration."""
         for name in BEFORE:
             getattr(self.part, name)[:] = getattr(self.whole, name)[self.sliders]
-        for own, all_of in zip(self.part.fallback, self.whole.fallback):
+        for own, all_of in zip(self.part.coulomb, self.whole.coulomb):
             own[:] = all_of[self.sliders]
 
     def give(self) -> None:
         """Write what an iteration has changed back to the scene."""
         for name in BEHIND:
             getattr(self.whole, name)[self.sliders] = getattr(self.part, name)
-        for own, all_of in zip(self.part.fallback, self.whole.fallback):
+        for own, all_of in zip(self.part.coulomb, self.whole.coulomb):
             all_of[self.sliders] = own
 
 

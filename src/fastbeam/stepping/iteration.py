@@ -9,9 +9,10 @@ import numpy as np
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.call_tables import SystemRecord, Table
+from fastbeam.kernels.contact.coulomb import cycles
 from fastbeam.kernels.entries.dense import Contact
-from fastbeam.kernels.loop import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
-from fastbeam.kernels.state import IN_FALLBACK, MORE_ITERATIONS, State, Work
+from fastbeam.kernels.loop import BORDER_SINGULAR, CYCLES, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
+from fastbeam.kernels.state import FALLBACK, MORE_ITERATIONS, State, Work
 from fastbeam.kernels.terms import System
 from fastbeam.linalg.linear_system import LinearSystem
 from fastbeam.model.model import Model
@@ -131,8 +132,10 @@ class Iteration:
         def after(sizes: list[float]) -> int:
             if stop():
                 return LEFT
+            if cycles(owner.work.increment):
+                return CYCLES
             # more only where signs of friction go in circles
-            spent = len(sizes) == max_iterations and owner.work.increment.control[IN_FALLBACK] == 0.0
+            spent = len(sizes) == max_iterations and owner.work.increment.control[FALLBACK] == 0.0
             return NOT_CONVERGED if spent else OK
 
         return newton_loop(increment, MORE_ITERATIONS * max_iterations, after, lambda: bool(kernels.all_settled(*owner.records)),

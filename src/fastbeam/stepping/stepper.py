@@ -12,6 +12,7 @@ from fastbeam.interface.arguments import count, number
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import AT_REST, EVERYTHING, ITERATION, Calls, SystemRecord, Table, system_record
+from fastbeam.kernels.contact.coulomb import begin_fallback
 from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.energies import slider_motion
@@ -21,7 +22,7 @@ from fastbeam.kernels.forces.user_force import UserForceTimes
 from fastbeam.kernels.jit.decorators import announce_first_use
 from fastbeam.kernels.jit.records import same_record
 from fastbeam.kernels.linalg.constraints import Constraints
-from fastbeam.kernels.loop import BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from fastbeam.kernels.loop import BORDER_SINGULAR, CYCLES, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.recorded import Recorded
 from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
@@ -570,18 +571,28 @@ class Stepper:
 
     def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
         """Run n steps in a loop in Python, around SuperLU or on several threads."""
-        model, state, work, parts = self.core, self.core_state, self.work, self.parts
+        state, work, parts = self.core_state, self.work, self.parts
         force, iterations, sizes = np.zeros((2, state.force.size)), 0, np.zeros(0)
         for k in range(n):
             parts.keep()
             last, status, slider = np.zeros(state.force.size), OK, -1
             for m, weight in enumerate(self.weights):
-                if factors is not None:
-                    kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                for schedule in schedules:
-                    put_loads(schedule, None, k * self.weights.size + m)
+                at = k * self.weights.size + m
+                self._put_loads(factors, schedules, at)
                 status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
+                if status == CYCLES:
+                    begin_fallback(work.increment)
+                    status, sizes = self._newton(weight * h)
+                    iterations += len(sizes)
+                    if status not in (OK, LEFT) and self.weights.size == 1:
+                        # as `begin_again` of kernels/loop.py
+                        parts.restore()
+                        self._put_loads(factors, schedules, at)
+                        parts.start(weight * h)
+                        begin_fallback(work.increment)
+                        status, sizes = self._newton(weight * h)
+                        iterations += len(sizes)
                 if status == LEFT:
                     parts.restore()
                     return Outcome(OK, k, iterations, -1, sizes, self._in_space(force))
@@ -601,8 +612,18 @@ class Stepper:
                 force[0] = last
         return Outcome(OK, n, iterations, -1, sizes, self._in_space(force))
 
+    def _put_loads(self, factors: Array | None, schedules: tuple[Any, ...], k: int) -> None:
+        """Put the loads and everything else that depends on time for substep k."""
+        if factors is not None:
+            kernels.external_forces(self.core.loads, factors[k], self.work.f_ext)
+        for schedule in schedules:
+            put_loads(schedule, None, k)
+
     def _python_step(self, h: float) -> tuple[int, Array]:
         self.parts.start(h)
+        return self._newton(h)
+
+    def _newton(self, h: float) -> tuple[int, Array]:
         status, sizes = self.parts.newton(h, self.max_iterations, LARGEST_IN_TIME, self.stop)
         return status, np.array(sizes)
 

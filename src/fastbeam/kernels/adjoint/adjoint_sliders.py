@@ -108,7 +108,7 @@ def add_turning(term, system, x, rows_out):
 @kernel
 def sticks(along, k):
     """Return whether slider k sticks."""
-    return has_signs(along, k) and along.sign[k] == 0 and not is_prescribed(along, k)
+    return has_signs(along, k) and along.coulomb.sign[k] == 0 and not is_prescribed(along, k)
 
 
 @sliding_law.register(TakenAlong)
@@ -117,11 +117,11 @@ def slide_as_taken(along, term, system, k, force, tangent, push):
     if is_prescribed(along, k) or not has_signs(along, k):
         return slide_with_forces(along, term, system, k, force, tangent, push)
     s0, s1 = system.state.s[k], system.work.s_end[k]
-    if along.sign[k] == 0:
-        return hold(along, s1 - s0 - along.rest[k], force)
+    if along.coulomb.sign[k] == 0:
+        return hold(along, s1 - s0 - along.coulomb.rest[k], force)
     known = other_forces(along, k, s0, s1)
     press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, k))
-    return rub(along.sign[k] * along.friction[k], press,
+    return rub(along.coulomb.sign[k] * along.friction[k], press,
                SlidingLaw(force, tangent, -known.value - push, -known.slope, 1.0, 0.0))
 
 
@@ -146,9 +146,9 @@ def put_none_taken(along, steps, h, k):
 @kernel
 def put_branch_taken(along, steps, h, k):
     along.clock[0] = h
-    for i in range(along.sign.shape[0]):
-        along.sign[i] = steps.sign[k, i]
-        along.rest[i] = steps.rest[k, i]
+    for i in range(along.friction.shape[0]):
+        along.coulomb.sign[i] = steps.sign[k, i]
+        along.coulomb.rest[i] = steps.rest[k, i]
 
 
 @put_branch.register(JointMotion)
@@ -218,14 +218,14 @@ def start_is_symmetric(along, term, system, steps, h, k):
 @kernel
 def put_start_of_held(along, term, system, steps, h, k):
     corner, at = system.contact.corner, 9 * dim(system.dofs)
-    for i in range(along.sign.shape[0]):
+    for i in range(along.friction.shape[0]):
         if along.drive[i] == POSITION:
             corner[i, at] = 0.0
         elif along.drive[i] == INCREMENT:
             corner[i, at] *= -1.0
         elif sticks(along, i):
             by_s = 0.0
-            if along.rest[i] != 0.0:
+            if along.coulomb.rest[i] != 0.0:
                 rest, lo, hi = rest_of(term, system, steps, h, k, i)
                 by_s = rest.by_s
             corner[i, at] *= -(1.0 + by_s)
@@ -253,8 +253,8 @@ def start_is_known(along, term, border, system, adjoint, steps, h, k):
 def add_start_of_held(along, term, border, system, adjoint, steps, h, k):
     dofs, basis = system.dofs, system.contact.basis
     d, size = dim(dofs), coordinates(dofs)
-    for i in range(along.sign.shape[0]):
-        if not sticks(along, i) or along.rest[i] == 0.0:
+    for i in range(along.friction.shape[0]):
+        if not sticks(along, i) or along.coulomb.rest[i] == 0.0:
             continue
         rest, lo, hi = rest_of(term, system, steps, h, k, i)
         factor = along.clock[2] / (h * h) * border.y[(2 * d + 1) * i + d]
@@ -309,7 +309,7 @@ def rubbed(along, term, system, i, ds):
     tangent = mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
     force = vector(system.state.force, system.contact.first_force[i], 1, system.dofs)
     press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, i))
-    sign = np.tanh(ds / (along.clock[0] * along.smoothing[i])) if along.smoothing[i] > 0.0 else 1.0 * along.sign[i]
+    sign = np.tanh(ds / (along.clock[0] * along.smoothing[i])) if along.smoothing[i] > 0.0 else 1.0 * along.coulomb.sign[i]
     return sign * (press.normal + press.edges) * press.long
 
 

@@ -21,22 +21,22 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import vector, zero_vector
 from fastbeam.kernels.algebra.vectors import dot
-from fastbeam.kernels.contact.curves import find_element, node_of, slot
-from fastbeam.kernels.contact.friction_fallback import (
-    MOST_FLIPS,
-    WITHIN,
-    Fallback,
-    clear_fallback,
+from fastbeam.kernels.contact.coulomb import (
+    Attempt,
+    Coulomb,
+    begin_coulomb,
+    begin_iteration,
     count_missed,
-    is_sharp,
-    needs_fallback,
+    is_soft,
+    judge,
     note_change,
-    sticks_in_fallback,
+    obeys,
 )
+from fastbeam.kernels.contact.curves import find_element, node_of, slot
 from fastbeam.kernels.contact.held_directors import director, holder_director, twist_between
 from fastbeam.kernels.contact.sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
 from fastbeam.kernels.contact.slider import begin_passage, motion_along
-from fastbeam.kernels.contact.slider_forces import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
+from fastbeam.kernels.contact.slider_forces import FRICTION_LOSS, HISTORY, ROUND_OFF, force_of_edges, lead_passage
 from fastbeam.kernels.jit.decorators import kernel
 
 # numbers of a sleeve that rubs in `State.history`: angle of the section in it, rad, against d_2, d_3 at t = 0 with h = sin(x);
@@ -58,15 +58,10 @@ class Twist(NamedTuple):
     place: np.ndarray   # int64 [O]: offset of their numbers in the history
     axes: np.ndarray    # float64 [9 O]: `Sleeves.axes` at t = 0; those of `Sleeves` turn
     start: np.ndarray   # float64 [O]: angle at the start of the step, rad
-    rest: np.ndarray    # float64 [O]: increment that leaves the section at rest at the end of the step, rad
-    soft: np.ndarray    # float64 [O]: compliance of the parts that a sleeve joins, where the section stuck in this step
     way: np.ndarray     # float64 [O]: Dh of the last iteration
     most: np.ndarray    # float64 [O]: largest moment of friction in the last iteration, N m
     before: np.ndarray  # float64 [2 O]: moment and largest moment of the step before where it stuck, N m
-    sign: np.ndarray    # int64 [O]: sign of the velocity at the end of the step, as taken in this iteration
-    flips: np.ndarray   # int64 [O]: how often an iteration of this step has changed the sign
-    judged: np.ndarray  # int64 [O]: how many iterations of this step have asked for the sign
-    fallback: Fallback        # of O sleeves
+    coulomb: Coulomb    # of O sleeves
     clock: np.ndarray   # float64 [1]: size of the step, s
 
 
@@ -136,18 +131,16 @@ def begin_rubbing(twist, sleeves, term, system, h):
         if o < 0 or not twist.arm[o] > 0.0:
             continue
         twist.start[o] = state.history[twist.place[o] + ANGLE]
-        twist.sign[o] = int(state.history[twist.place[o] + SIGN])
-        twist.flips[o] = 0
-        twist.judged[o] = 0
-        twist.soft[o] = 0.0
-        clear_fallback(twist.fallback, o)
+        sign = int(state.history[twist.place[o] + SIGN])
+        begin_coulomb(twist.coulomb, o, sign, 0)
         sticks = 1.0 if state.history[twist.place[o] + STICKS] != 0.0 else 0.0
         twist.before[2 * o] = sticks * state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         twist.before[2 * o + 1] = sticks * state.history[twist.place[o] + MOST]
         aim(twist, sleeves, o, twist.start[o])
         rest = 0.5 * h * rate_of_twist(sleeves, term, system, k, o)
-        twist.rest[o] = rest if twist.sign[o] != 0 or abs(rest) > LEFT else 0.0
-        aim(twist, sleeves, o, twist.start[o] + twist.rest[o])
+        rest = rest if sign != 0 or abs(rest) > LEFT else 0.0
+        twist.coulomb.rest[o] = rest
+        aim(twist, sleeves, o, twist.start[o] + rest)
 
 
 @kernel
@@ -186,57 +179,30 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     f = contact.first_force[c] + 2
     most = most_of_twist(twist, sleeves, term, system, k, o)
     twist.most[o] = most
-    ahead = 1.0 if twist.clock[0] > 0.0 else -1.0
-    if twist.sign[o] == 0 and twist.judged[o] > 0:
-        twist.soft[o] = contact.compliance[c]
-    doubtful = needs_fallback(twist.flips, twist.judged, o, work.increment)
-    twist.judged[o] += 1
-    if doubtful and twist.rest[o] != 0.0:
-        twist.rest[o] = 0.0
+    h, coulomb = twist.clock[0], twist.coulomb
+    if coulomb.sign[o] == 0 and coulomb.judged[o] > 0:
+        coulomb.found[o] = contact.compliance[c]
+    rest = coulomb.rest[o]
+    begin_iteration(coulomb, o, work.increment)
+    if coulomb.rest[o] != rest:
         aim(twist, sleeves, o, twist.start[o])
     end = sine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi)
     twist.way[o] = end - sine_of_section(sleeves, o, point, contact.basis, 0, dofs, state.q, nodes, lo, hi)
-    if doubtful:
-        breaks = abs(state.force[f] + twist.before[2 * o]) > most + twist.before[2 * o + 1]
-        if sticks_in_fallback(twist.fallback, o, twist.clock[0], twist.soft[o], twist.way[o], most, breaks):
-            twist.sign[o] = 0
-            contact.residual[c, 2] = end
-            return 1.0
-        twist.sign[o] = 1 if ahead * twist.way[o] > 0.0 else -1
-        if twist.fallback.counts[o, WITHIN] != 0:
-            soft = ahead * twist.fallback.compliance[o]
-            contact.corner[c, 18] = soft
-            contact.residual[c, 2] = end + soft * state.force[f]
-            return 1.0
-    else:
-        sign = judge(twist, o, state.force[f] + twist.before[2 * o], most + twist.before[2 * o + 1], end)
-        note_change(sign != twist.sign[o], work.increment)
-        twist.flips[o] += sign != twist.sign[o]
-        twist.sign[o] = sign
-        if sign == 0:
-            contact.residual[c, 2] = end
-            return 1.0
-    state.force[f] = -twist.sign[o] * most * angle_per_way(end - twist.way[o], end)
+    judge(coulomb, o, work.increment, h, Attempt(twist.way[o], end, state.force[f] + twist.before[2 * o], most,
+                                                 twist.before[2 * o + 1], ROUND_OFF))
+    contact.residual[c, 2] = end
+    if coulomb.sign[o] == 0:
+        return 1.0
+    if is_soft(coulomb, o):
+        soft = coulomb.compliance[o] if h > 0.0 else -coulomb.compliance[o]
+        contact.corner[c, 18] = soft
+        contact.residual[c, 2] = end + soft * state.force[f]
+        return 1.0
+    state.force[f] = -coulomb.sign[o] * most * angle_per_way(end - twist.way[o], end)
     contact.residual[c, 2] = 0.0
     # a compliance kept from the step before would not be part of the state
-    contact.corner[c, 18] = UNIT * contact.compliance[c] if twist.judged[o] > 1 and contact.compliance[c] > 0.0 else 1.0
+    contact.corner[c, 18] = UNIT * contact.compliance[c] if coulomb.judged[o] > 1 and contact.compliance[c] > 0.0 else 1.0
     return 0.0
-
-
-@kernel
-def judge(twist, o, moment, most, end):
-    """Return the slip direction at the end of the step, from the moment of the last iteration and its bound, with those of the
-    step before if it stuck, and h at the end. The mean of two steps decides, as moments alternate from step to step, (4.5)."""
-    sign = twist.sign[o]
-    if twist.judged[o] == 1:
-        return sign
-    if sign == 0:
-        if abs(moment) > most:
-            sign = -1 if moment > 0.0 else 1
-            # backward in time a velocity has the other sign
-            return sign if twist.clock[0] > 0.0 else -sign
-        return 0
-    return 0 if sign * end * twist.clock[0] < 0.0 else sign
 
 
 @twist_is_settled.register(Twist)
@@ -248,20 +214,14 @@ def twist_takes_energy(twist, sleeves, system):
     for o in range(twist.arm.shape[0]):
         if not twist.arm[o] > 0.0:
             continue
-        if twist.judged[o] < JUDGED:
-            settled = False
-        if twist.flips[o] >= MOST_FLIPS and not is_sharp(twist.fallback, o, twist.judged[o]):
-            settled = False
         moment = system.state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         bound = (twist.most[o] + twist.before[2 * o + 1]) * (1.0 + 1e-12)
-        if twist.sign[o] == 0 and abs(moment + twist.before[2 * o]) > bound:
-            # the section slips: the next iteration takes the other branch
-            settled = False
-        if twist.rest[o] != 0.0 and twist.clock[0] > 0.0:
-            if (moment if twist.sign[o] == 0 else -1.0 * twist.sign[o]) * twist.way[o] > 0.0:
-                twist.rest[o] = 0.0
-                aim(twist, sleeves, o, twist.start[o])
-                settled = False
+        # the section slips: the next iteration takes the other branch
+        breaks = twist.coulomb.sign[o] == 0 and abs(moment + twist.before[2 * o]) > bound
+        rest = twist.coulomb.rest[o]
+        settled = obeys(twist.coulomb, o, system.work.increment, twist.clock[0], twist.way[o], moment, breaks) and settled
+        if twist.coulomb.rest[o] != rest:
+            aim(twist, sleeves, o, twist.start[o])
     note_change(not settled, system.work.increment)
     return settled
 
@@ -281,13 +241,13 @@ def account_rubbing(twist, sleeves, term, system, h):
         end = sine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi)
         way = end - sine_of_section(sleeves, o, point, contact.basis, 0, dofs, state.q, nodes, lo, hi)
         moment = state.force[contact.first_force[sleeves.first[0] + o] + 2]
-        angle = twist.start[o] + twist.rest[o]
-        if twist.sign[o] != 0:
+        angle = twist.start[o] + twist.coulomb.rest[o]
+        if twist.coulomb.sign[o] != 0:
             angle += np.arctan2(end, cosine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi))
-        count_missed(twist.fallback, twist.flips, o)
+        count_missed(twist.coulomb, o)
         own = twist.place[o]
         state.history[own + ANGLE] = angle
-        state.history[own + SIGN] = twist.sign[o]
-        state.history[own + STICKS] = 1.0 if twist.sign[o] == 0 else 0.0
+        state.history[own + SIGN] = twist.coulomb.sign[o]
+        state.history[own + STICKS] = 1.0 if twist.coulomb.sign[o] == 0 else 0.0
         state.history[own + MOST] = twist.most[o]
         state.history[HISTORY * k + FRICTION_LOSS] -= moment * way

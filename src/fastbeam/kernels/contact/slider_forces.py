@@ -18,18 +18,18 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from fastbeam.kernels.algebra.vectors import call_law, dot
-from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, slot
-from fastbeam.kernels.contact.friction_fallback import (
-    MOST_FLIPS,
-    WITHIN,
-    Fallback,
-    clear_fallback,
+from fastbeam.kernels.contact.coulomb import (
+    Attempt,
+    Coulomb,
+    begin_coulomb,
+    begin_iteration,
     count_missed,
-    is_sharp,
-    needs_fallback,
+    is_soft,
+    judge,
     note_change,
-    sticks_in_fallback,
+    obeys,
 )
+from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, slot
 from fastbeam.kernels.contact.slider import (
     NoSleeves,
     SlidingLaw,
@@ -62,11 +62,11 @@ SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_L
 FREE, LOCKED, OFF = range(3)
 # share of the contact force across the beam below which that is round-off
 ALONG_ONLY = 1e-12
-# iterations of a step that evaluate slip directions before convergence counts
-JUDGED = 2
 # number of steps after which a slider that sticks counts as at rest, whatever the beam does; before, its remaining velocity is
 # removed, down to an increment of s that is this share of the size of the scene
 RESTS, LEFT = 8, 1e-12
+# increment that is round-off, rad or a share of the size of the scene
+ROUND_OFF = 1e-14
 # most nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
 MOST_KEPT = 16
 BY_PLACE, BY_RATE, MOST, STIFFNESS = 0, 1, 2, 2  # columns of `gains`, the last one of `stops`
@@ -88,13 +88,8 @@ class Along(NamedTuple):
     given: np.ndarray       # float64 [S, 2]: prescribed value of a drive in a step: s at its end or increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
     clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; mass of the scene, kg
-    sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
-    rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
-    flips: np.ndarray       # int64 [S]: how often an iteration of this step has changed the sign
-    judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
-    against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
-    fallback: Fallback            # of S sliders
+    coulomb: Coulomb        # of S sliders
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
     offset: np.ndarray      # float64 [S]: arc length travelled less s, m: on switches, else 0
     under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
@@ -235,7 +230,7 @@ def prescribed_end(along, k, s0):
 @inlined
 def has_signs(along, k):
     """Return whether the slip direction of a slider matters: with Coulomb friction, and at rest against a stop."""
-    return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
+    return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.coulomb.against[k] != 0
 
 
 @generic
@@ -295,27 +290,6 @@ def hold(along, way, force):
     return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0, 0.0)
 
 
-@inlined
-def sign_of_velocity(along, k, needed, most, ds):
-    """Return the slip direction -1, 0 or 1 at the end of the step, from the force that friction and a rigid stop have to give,
-    the bound of friction, and the increment of s of this iteration."""
-    sign = along.sign[k]
-    if along.judged[k] == 1:
-        return sign
-    if sign == 0:
-        # a rigid stop pushes only
-        back = needed > most and along.against[k] >= 0
-        forth = needed < -most and along.against[k] <= 0
-        if back or forth:
-            sign = -1 if back else 1
-            # backward in time a velocity has the other sign
-            return sign if along.clock[0] > 0.0 else -sign
-        return sign
-    if sign * (ds - along.rest[k]) * along.clock[0] < 0.0:
-        return 0
-    return sign
-
-
 @sliding_law.register(Along)
 @inlined
 def slide_with_forces(along, term, system, k, force, tangent, push):
@@ -336,35 +310,24 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
         return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
     along.needed[k] = dot(force, tangent) - other
-    along.judged[k] += 1
-    if needs_fallback(along.flips, along.judged, k, system.work.increment):
-        if along.against[k] == 0:
-            return rub_in_fallback(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
-        # a slider at a stop stays there for this step
-        along.sign[k] = 0
-        return hold(along, s1 - s0, force)
-    sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
-    note_change(sign != along.sign[k], system.work.increment)
-    along.flips[k] += sign != along.sign[k]
-    along.sign[k] = sign
-    if sign == 0:
-        return hold(along, s1 - s0 - along.rest[k], force)
-    return rub(sign * mu, press, law)
+    rub_by_coulomb(along, k, system, s1 - s0, most)
+    coulomb = along.coulomb
+    if coulomb.sign[k] == 0:
+        return hold(along, s1 - s0 - coulomb.rest[k], force)
+    if is_soft(coulomb, k):
+        soft = coulomb.compliance[k] if along.clock[0] > 0.0 else -coulomb.compliance[k]
+        return SlidingLaw(law.force, law.tangent, law.rest + (s1 - s0) / soft, law.slope + 1.0 / soft, 1.0, 0.0)
+    return rub(coulomb.sign[k] * mu, press, law)
 
 
 @kernel
-def rub_in_fallback(along, k, ds, found, most, press, law):
-    """Return the law of the friction fallback, see friction_fallback.py. found: compliance of the parts in the last iteration."""
-    along.rest[k] = 0.0
-    if sticks_in_fallback(along.fallback, k, along.clock[0], found, ds, most, abs(along.needed[k]) > most):
-        along.sign[k] = 0
-        return hold(along, ds, law.force)
-    ahead = 1.0 if along.clock[0] > 0.0 else -1.0
-    along.sign[k] = 1 if ahead * ds > 0.0 else -1
-    if along.fallback.counts[k, WITHIN] != 0:
-        soft = ahead * along.fallback.compliance[k]
-        return SlidingLaw(law.force, law.tangent, law.rest + ds / soft, law.slope + 1.0 / soft, 1.0, 0.0)
-    return rub(along.sign[k] * along.friction[k], press, law)
+def rub_by_coulomb(along, k, system, ds, most):
+    """Find by Coulomb's law whether slider k sticks, or in which direction it slips; `needed` has been found."""
+    coulomb, increment, h = along.coulomb, system.work.increment, along.clock[0]
+    coulomb.found[k] = system.contact.compliance[k]
+    begin_iteration(coulomb, k, increment)
+    judge(coulomb, k, increment, h, Attempt(ds, ds - coulomb.rest[k], along.needed[k], most, 0.0,
+                                            ROUND_OFF * system.length))
 
 
 @begin_along.register(Along)
@@ -379,23 +342,18 @@ def begin_forces(along, term, system, h):
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
             continue
-        along.against[k] = int(state.history[HISTORY * k + AGAINST])
+        sign, against = int(state.history[HISTORY * k + SIGN]), int(state.history[HISTORY * k + AGAINST])
+        begin_coulomb(along.coulomb, k, sign, against)
         if has_signs(along, k):
-            sign = int(state.history[HISTORY * k + SIGN])
-            along.sign[k] = sign
-            along.flips[k] = 0
-            along.judged[k] = 0
-            along.rest[k] = 0.0
-            clear_fallback(along.fallback, k)
-            if sign != 0 or (along.against[k] == 0 and state.history[HISTORY * k + STICKS] < RESTS):
+            if sign != 0 or (against == 0 and state.history[HISTORY * k + STICKS] < RESTS):
                 e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
                 tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
                                                  system.dofs)
                 rest = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
                 if sign != 0 or abs(rest) > LEFT * system.length:
-                    along.rest[k] = rest
+                    along.coulomb.rest[k] = rest
             if sign == 0:
-                system.work.s_end[k] = state.s[k] + along.rest[k]
+                system.work.s_end[k] = state.s[k] + along.coulomb.rest[k]
 
 
 @is_settled_along.register(Along)
@@ -404,19 +362,13 @@ def friction_takes_energy(along, term, system):
     """Return True if slip directions were evaluated in this step and Coulomb friction dissipates; otherwise let the slip
     increment decide the direction."""
     settled = True
-    for k in range(along.sign.shape[0]):
+    for k in range(along.friction.shape[0]):
         if is_prescribed(along, k) or not has_signs(along, k):
             continue
-        if along.judged[k] < JUDGED:
+        # a stop without friction loses nothing
+        way = system.work.s_end[k] - system.state.s[k] if along.friction[k] > 0.0 else 0.0
+        if not obeys(along.coulomb, k, system.work.increment, along.clock[0], way, along.needed[k], False):
             settled = False
-        if along.flips[k] >= MOST_FLIPS and along.against[k] == 0 and not is_sharp(along.fallback, k, along.judged[k]):
-            settled = False
-        if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
-            ds = system.work.s_end[k] - system.state.s[k]
-            force = -1.0 * along.sign[k] if along.sign[k] != 0 else along.needed[k]
-            if force * ds > 0.0:
-                along.rest[k] = 0.0
-                settled = False
     note_change(not settled, system.work.increment)
     return settled
 
@@ -439,12 +391,12 @@ def account_forces(along, term, system, h):
             if along.friction[k] > 0.0:
                 state.history[HISTORY * k + SIGN] = sign_of_given(system.work.s_end[k] - state.s[k], system)
         elif has_signs(along, k):
-            count_missed(along.fallback, along.flips, k)
-            place = HISTORY * k
-            state.history[place + SIGN] = along.sign[k]
-            sticks = along.sign[k] == 0 and along.against[k] == 0
+            coulomb, place = along.coulomb, HISTORY * k
+            count_missed(coulomb, k)
+            state.history[place + SIGN] = coulomb.sign[k]
+            sticks = coulomb.sign[k] == 0 and coulomb.against[k] == 0
             state.history[place + STICKS] = min(state.history[place + STICKS] + 1.0, float(RESTS)) if sticks else 0.0
-            if along.sign[k] != 0:
+            if coulomb.sign[k] != 0:
                 state.history[place + AGAINST] = 0.0
 
 

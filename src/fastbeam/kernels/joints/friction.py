@@ -18,20 +18,21 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space, put, vector
 from fastbeam.kernels.algebra.vectors import dot, ld3
-from fastbeam.kernels.contact.friction_fallback import (
-    MOST_FLIPS,
-    WITHIN,
-    Fallback,
-    clear_fallback,
+from fastbeam.kernels.contact.coulomb import (
+    Attempt,
+    Coulomb,
+    begin_coulomb,
+    begin_iteration,
+    breaks_loose,
     count_missed,
-    is_sharp,
-    needs_fallback,
+    is_soft,
+    judge,
     note_change,
-    sticks_in_fallback,
+    obeys,
 )
 from fastbeam.kernels.contact.point_entries import begin_joint, take_forces_of
 from fastbeam.kernels.contact.slider import END_SLACK
-from fastbeam.kernels.contact.slider_forces import JUDGED
+from fastbeam.kernels.contact.slider_forces import ROUND_OFF
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.joints.conditions import direction
@@ -72,15 +73,9 @@ class JointFriction(NamedTuple):
     place: np.ndarray      # int64 [D]: offset of their numbers in the history
     first: np.ndarray      # int64 [1]: number of the first among all constraints
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
-    rest: np.ndarray       # float64 [D]: increment that leaves the coordinate at rest at the end of the step, m or rad
-    soft: np.ndarray       # float64 [D]: compliance of the parts that the joint joins, where it stuck in this step
     reached: np.ndarray    # float64 [D]: value at the end of the last step that was solved for, m or rad
     factor: np.ndarray     # float64 [D]: friction as a share of the largest in this iteration, 0 where it sticks
-    sign: np.ndarray       # int64 [D]: sign of the velocity at the end of the step, as taken in this iteration
-    flips: np.ndarray      # int64 [D]: how often an iteration of this step has changed the sign
-    judged: np.ndarray     # int64 [D]: how many iterations of this step have asked for the sign
-    fallback: Fallback           # of D coordinates
-    against: np.ndarray    # int64 [D]: -1 or 1 where it rests against its first or last stop, else 0
+    coulomb: Coulomb       # of D coordinates
     clock: np.ndarray      # float64 [1]: size of the step, s
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
 
@@ -97,7 +92,7 @@ def has_friction(term, i):
 def may_stick(term, i):
     """Return whether the slip direction is an unknown: with friction, and at rest against a stop. Otherwise the coordinate moves
     freely between its stops, or friction is a function of its increment."""
-    return has_friction(term, i) and not follows_motion(term, i) or term.against[i] != 0
+    return has_friction(term, i) and not follows_motion(term, i) or term.coulomb.against[i] != 0
 
 
 @kernel
@@ -202,71 +197,39 @@ def begin_friction(term, system, h, c):
     for i in range(term.which.shape[0]):
         system.contact.before[term.first[0] + i] = np.inf
         term.start[i] = state.history[motion.place[term.which[i]] + VALUE]
-        term.sign[i] = int(state.history[term.place[i] + SIGN])
-        term.against[i] = int(state.history[term.place[i] + AGAINST])
-        term.flips[i] = 0
-        term.judged[i] = 0
-        term.soft[i] = 0.0
-        clear_fallback(term.fallback, i)
+        sign, against = int(state.history[term.place[i] + SIGN]), int(state.history[term.place[i] + AGAINST])
+        begin_coulomb(term.coulomb, i, sign, against)
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
-        if term.sign[i] == 0 and (not stopped or abs(rest) <= least_increment(term, i, system) or term.against[i] != 0):
+        if sign == 0 and (not stopped or abs(rest) <= least_increment(term, i, system) or against != 0):
             rest = 0.0
-        term.rest[i] = rest
+        term.coulomb.rest[i] = rest
 
 
 @kernel
-def breaks_loose(term, i, force, most):
-    """Return -1 or 1 if a sticking coordinate has to move in this direction, else 0; force: the force that holds it."""
-    # a rigid stop pushes only
-    if force > most and term.against[i] >= 0:
-        return -1
-    return 1 if force < -most and term.against[i] <= 0 else 0
-
-
-@kernel
-def judge(term, i, force, way, most):
-    """Return the slip direction at the end of the step, from the force of the last iteration and the increment of the
-    coordinate."""
-    term.judged[i] += 1
-    sign = term.sign[i]
-    if term.judged[i] == 1:
-        return sign
-    if sign == 0:
-        sign = breaks_loose(term, i, force, most)
-        # backward in time a velocity has the other sign
-        return sign if term.clock[0] > 0.0 else -sign
-    return 0 if sign * (way - term.rest[i]) * term.clock[0] < 0.0 else sign
-
-
-@kernel
-def rub_in_fallback(term, i, way, most, force):
-    """Return friction of the fallback, see friction_fallback.py, as a share of the largest, and the derivative of the force by
-    the increment where friction is below the bound. force: of the last iteration."""
-    term.rest[i] = 0.0
-    term.judged[i] += 1
-    breaks = breaks_loose(term, i, force, most) != 0
-    if sticks_in_fallback(term.fallback, i, term.clock[0], term.soft[i], way, most, breaks):
-        term.sign[i] = 0
-        return 0.0, 0.0
-    ahead = 1.0 if term.clock[0] > 0.0 else -1.0
-    term.sign[i] = 1 if ahead * way > 0.0 else -1
-    if term.fallback.counts[i, WITHIN] != 0:
-        soft = ahead * term.fallback.compliance[i]
+def rub_by_coulomb(term, i, system, way, most, force):
+    """Return friction by Coulomb's law as a share of the largest, and the derivative of the force by the increment where friction
+    is below the bound. force: of the last iteration."""
+    coulomb, increment, h = term.coulomb, system.work.increment, term.clock[0]
+    begin_iteration(coulomb, i, increment)
+    least = ROUND_OFF / LEFT * least_increment(term, i, system)
+    judge(coulomb, i, increment, h, Attempt(way, way - coulomb.rest[i], force, most, 0.0, least))
+    if coulomb.sign[i] != 0 and is_soft(coulomb, i):
+        soft = coulomb.compliance[i] if h > 0.0 else -coulomb.compliance[i]
         return -way / (soft * most), -1.0 / soft
-    return -1.0 * term.sign[i], 0.0
+    return -1.0 * coulomb.sign[i], 0.0
 
 
 @assemble.register(JointFriction, Conserving)
 @kernel
 def assemble_friction(term, method, system, h):
-    motion, contact, force = term.motion, system.contact, system.state.force
+    motion, contact, force, coulomb = term.motion, system.contact, system.state.force, term.coulomb
     for i in range(term.which.shape[0]):
         c = term.which[i]
         k = term.first[0] + i
         f = contact.first_force[k]
         way = missing(motion, c, system.dofs, system.work.q_end, term.start[i])
-        if term.sign[i] == 0 and term.judged[i] > 0:
-            term.soft[i] = contact.compliance[k]
+        if coulomb.sign[i] == 0 and coulomb.judged[i] > 0:
+            coulomb.found[i] = contact.compliance[k]
         begin_joint(contact, k, 1)
         most, factor, slope, by_load, sticks = 0.0, 0.0, 0.0, 0.0, False
         if follows_motion(term, i):
@@ -276,18 +239,8 @@ def assemble_friction(term, method, system, h):
             by_load = factor
         elif may_stick(term, i):
             most = most_of_friction(term, i, system)
-            if not needs_fallback(term.flips, term.judged, i, system.work.increment):
-                sign = judge(term, i, force[f], way, most)
-                note_change(sign != term.sign[i], system.work.increment)
-                term.flips[i] += sign != term.sign[i]
-                term.sign[i] = sign
-                factor = -1.0 * sign
-            elif term.against[i] != 0:
-                # a coordinate at a stop stays there for this step
-                term.sign[i] = 0
-            else:
-                factor, slope = rub_in_fallback(term, i, way, most, force[f])
-            sticks = term.sign[i] == 0
+            factor, slope = rub_by_coulomb(term, i, system, way, most, force[f])
+            sticks = coulomb.sign[i] == 0
             # friction below the bound does not depend on the bound
             by_load = factor if slope == 0.0 else 0.0
         term.factor[i] = factor
@@ -296,7 +249,7 @@ def assemble_friction(term, method, system, h):
         push(motion, c, system, gradient_in_step(motion, c, system), force[f], slope)
         put_entries(term, c, system, k, 0, 1.0 if sticks else 0.0, 1.0 if sticks else 0.0)
         if sticks:
-            contact.residual[k, 0] = way - term.rest[i]
+            contact.residual[k, 0] = way - coulomb.rest[i]
         else:
             # the force is known and stays
             contact.residual[k, 0] = 0.0
@@ -310,27 +263,20 @@ def friction_is_settled(term, system):
     """Return True if slip directions were evaluated in this step and friction dissipates; otherwise let the slip increment decide
     the direction."""
     settled = True
+    coulomb = term.coulomb
     for i in range(term.which.shape[0]):
         if not may_stick(term, i):
             continue
         c = term.which[i]
         k = term.first[0] + i
         force = system.state.force[system.contact.first_force[k]]
-        if term.judged[i] < JUDGED:
-            settled = False
-        if term.flips[i] >= MOST_FLIPS and term.against[i] == 0 and not is_sharp(term.fallback, i, term.judged[i]):
-            settled = False
-        if term.sign[i] == 0:
+        breaks = False
+        if coulomb.sign[i] == 0:
             settled = is_held(term.motion, c, system, k) and settled
-            most = most_of_friction(term, i, system) * (1.0 + 1e-12)
-            if term.flips[i] < MOST_FLIPS and breaks_loose(term, i, force, most) != 0:
-                # the coordinate slips: the next iteration takes the other branch
-                settled = False
-        if term.rest[i] != 0.0 and term.clock[0] > 0.0:
-            way = missing(term.motion, c, system.dofs, system.work.q_end, term.start[i])
-            if (-1.0 * term.sign[i] if term.sign[i] != 0 else force) * way > 0.0:
-                term.rest[i] = 0.0
-                settled = False
+            # the coordinate slips: the next iteration takes the other branch
+            breaks = breaks_loose(coulomb, i, force, most_of_friction(term, i, system) * (1.0 + 1e-12)) != 0
+        way = missing(term.motion, c, system.dofs, system.work.q_end, term.start[i])
+        settled = obeys(coulomb, i, system.work.increment, term.clock[0], way, force, breaks) and settled
     note_change(not settled, system.work.increment)
     return settled
 
@@ -349,16 +295,16 @@ def account_friction(term, system, h):
             system.state.force[f] = factor * most_of_friction(term, i, system)
         force = system.state.force[f]
         if may_stick(term, i):
-            sticks = term.sign[i] == 0
+            sticks = term.coulomb.sign[i] == 0
             if sticks:
-                history[o + VALUE] = term.start[i] + term.rest[i]
+                history[o + VALUE] = term.start[i] + term.coulomb.rest[i]
             else:
                 history[term.place[i] + AGAINST] = 0.0
-            count_missed(term.fallback, term.flips, i)
-            history[term.place[i] + SIGN] = term.sign[i]
+            count_missed(term.coulomb, i)
+            history[term.place[i] + SIGN] = term.coulomb.sign[i]
             held = 1.0 if history[term.place[i] + STICKS] == 0.0 else 2.0
-            history[term.place[i] + STICKS] = held if sticks and term.against[i] == 0 else 0.0
-        if has_friction(term, i) or term.against[i] != 0:
+            history[term.place[i] + STICKS] = held if sticks and term.coulomb.against[i] == 0 else 0.0
+        if has_friction(term, i) or term.coulomb.against[i] != 0:
             history[term.place[i] + RUBBED] -= force * (history[o + VALUE] - term.start[i])
         term.reached[i] = history[o + VALUE]
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.friction_fallback import fallback_of
+from fastbeam.kernels.contact.coulomb import coulomb_of
 from fastbeam.kernels.contact.sleeve import NoTwist, Sleeves
 from fastbeam.kernels.contact.sleeve_twist import TWIST, Twist
 from fastbeam.kernels.empty_arrays import empty
@@ -84,7 +84,7 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
     place = np.full(n, -1, np.int64)
     place[model.twisting] = model.place("twist") + TWIST * np.arange(model.twisting.size)
     inertia = np.full(n, model.mass * model.length**2)
-    work = *empty((5, n)), empty(2 * n), *np.zeros((3, n), np.int64), fallback_of(inertia), empty(1)
+    work = *empty((3, n)), empty(2 * n), coulomb_of(inertia), empty(1)
     return table._replace(twist=Twist(arm, place, table.axes.copy(), *work))
 
 

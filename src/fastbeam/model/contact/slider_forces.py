@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.friction_fallback import fallback_of
+from fastbeam.kernels.contact.coulomb import coulomb_of
 from fastbeam.kernels.contact.slider_forces import (
     AGAINST,
     ASKED,
@@ -139,10 +139,8 @@ class SliderForces(Feature):
         self.sliders = sliders
         n = len(sliders)
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
-                            np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64),
-                            np.zeros(n),
-                            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
-                            fallback_of(np.ones(n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
+                            np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n),
+                            coulomb_of(np.ones(n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
                             np.zeros((n, MOST_KEPT, 4)))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
@@ -280,9 +278,9 @@ class SliderForces(Feature):
         if static:
             return None
         self.tables.clock[2] = model.mass
-        return self.tables._replace(fallback=fallback_of(np.full(len(self.sliders), model.mass)), **{
+        return self.tables._replace(coulomb=coulomb_of(np.full(len(self.sliders), model.mass)), **{
             name: getattr(self.tables, name).copy() for name in (
-                "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "against", "held", "offset", "under")},
+                "stops", "asked", "given", "clock", "held", "offset", "under")},
             **{name: empty(getattr(self.tables, name).shape) for name in ("needed", "taken", "shapes")})
 
     @cached_property

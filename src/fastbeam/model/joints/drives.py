@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.friction_fallback import fallback_of
+from fastbeam.kernels.contact.coulomb import coulomb_of
 from fastbeam.kernels.contact.slider_forces import ASKED, CONTROL, LAW
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.joints.coordinates import JointMotion
@@ -201,9 +201,8 @@ class Holds:
             friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, across,
                                      np.array([self.parts[k].smoothing for k in self.rubs[rubs]]),
                                      np.isin(self.rubs[rubs], self.given).astype(np.int64), self.ends[rubs],
-                                     self.place + RUB * rubs, np.array([self.first + m]), *empty((5, n)),
-                                     *np.zeros((3, n), np.int64), fallback_of(model.mass * (self.length / self.scales[rubs])**2),
-                                     np.zeros(n, np.int64), empty(1), ties)
+                                     self.place + RUB * rubs, np.array([self.first + m]), *empty((3, n)),
+                                     coulomb_of(model.mass * (self.length / self.scales[rubs])**2), empty(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         if at_control.size:
