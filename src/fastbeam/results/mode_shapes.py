@@ -114,6 +114,14 @@ class Motions(Tabled):
     def __len__(self) -> int:
         return self.residuals.size
 
+    def words(self, k: int) -> tuple[str, bool]:
+        """Return the title of mode k in a picture, and whether it grows."""
+        return f"{k}", False
+
+    def _moving(self, k: int) -> tuple[complex, Array, Array]:
+        """Return rate, 1/s, and displacements and spins [N, 3] of mode k as it moves, complex where these have phases."""
+        return 0j, self.displacements[k], self.spins[k]
+
     @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
     def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
         """Return shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films:
@@ -241,8 +249,11 @@ class Modes(Motions):
         x, turn = self.displacements[k], self.spins[k]
         return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
 
+    def words(self, k: int) -> tuple[str, bool]:
+        what = f"grows, {self.growth[k]:.4g} 1/s" if self.growth[k] else f"{self.frequencies[k]:.5g} Hz"
+        return what if self.squared[k] else "free", bool(self.growth[k])
+
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
         if not (rate.real and rate.imag):
             return rate, x.astype(complex), turn.astype(complex)
@@ -334,8 +345,14 @@ class DampedModes(Motions):
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
                                   np.real(a * rate * turn))
 
+    def words(self, k: int) -> tuple[str, bool]:
+        grows = bool(self.decay[k] < 0.0)
+        swing = f"{self.frequencies[k]:.5g} Hz, " if self.frequencies[k] else ""
+        rate = f"{'grows' if grows else 'decays'}, {abs(self.decay[k]):.4g} 1/s"
+        rate = f"ratio {self.damping_ratios[k]:.3g}" if swing else rate
+        return swing + rate if self.rates[k] else "free", grows
+
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         return complex(self.rates[k]), self.displacements[k], self.spins[k]
 
     def table(self) -> str:
