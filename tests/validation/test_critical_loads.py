@@ -231,3 +231,60 @@ def test_modes_are_states_and_pictures() -> None:
     assert fb.plot_modes(found, n=2).axes
     with pytest.raises(fb.SceneError, match="mode 5 does not exist"):
         found.state(5, 0.1)
+
+
+def test_rigid_bars_on_bushings() -> None:
+    """Two of length L: P L/k = (3 -+ sqrt(5))/2, to all sides; the axes of the upper bushing turn with the lower bar."""
+    k, stiff = 50.0, 1e9
+    bars = [fb.RigidBody(name, mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, z)) for name, z in (("low", 0.5 * L), ("up", 1.5 * L))]
+    low, up = bars
+    rubber = (stiff, stiff, stiff, k, k, k)
+    scene = fb.Scene(*bars, fb.Bushing(fb.GROUND.point((0, 0, 0)), low.point((0, 0, -0.5 * L)), stiffness=rubber),
+                     fb.Bushing(low.point((0, 0, 0.5 * L)), up.point((0, 0, -0.5 * L)), stiffness=rubber),
+                     fb.Load("press", up.point((0, 0, 0.5 * L)), force=(0, 0, -1.0)))
+    found = fb.critical_loads(fb.compile_scene(scene), n=4)
+    exact = k / L * (3.0 + np.array([-1.0, -1.0, 1.0, 1.0]) * np.sqrt(5.0)) / 2.0
+    np.testing.assert_allclose(found.load_factors, exact, rtol=1e-6)
+
+
+@pytest.mark.parametrize("law", [False, True])
+def test_two_springs_in_line_snap_aside(law: bool) -> None:
+    """P/a + P/b = c of two springs of lengths a and b in line and one across, each with half of the load on the point between."""
+    a, b, c, stiff = 1.0, 2.0, 30.0, 1e6
+    mass = fb.PointMass("point", mass=1.0, position=(0, 0, 0))
+    more = {"table": ([-1.0, 0.0, 1.0], [-stiff, 0.0, stiff])} if law else {"stiffness": stiff}
+    top = fb.PointMass("top", mass=1.0, position=(0, 0, b))
+    scene = fb.Scene(mass, top, fb.Pin(top, axes="xy"), fb.Spring(fb.GROUND.point((0, 0, -a)), mass, "lower", **more),
+                     fb.Spring(mass, top, "upper", **more), fb.Spring(fb.GROUND.point((1, 0, 0)), mass, "x", stiffness=c),
+                     fb.Spring(fb.GROUND.point((0, 1, 0)), mass, "y", stiffness=2.0 * c), fb.Load("press", top, force=(0, 0, -1.0)))
+    found = fb.critical_loads(fb.compile_scene(scene), n=2)
+    np.testing.assert_allclose(found.load_factors, np.array([c, 2.0 * c]) / (1.0 / a + 1.0 / b), rtol=1e-6)
+
+
+def test_a_frame_that_hardly_moves_buckles_where_its_path_branches() -> None:
+    of = section(2e3)
+    left, right = (fb.Beam.straight(name, (x, 0, 0), (x, 0, L), section=of, elements=6, d2=(1, 0, 0))
+                   for name, x in (("left", 0.0), ("right", 0.7 * L)))
+    rope = fb.PointMass("ring", mass=1.0, position=(0.7 * L, 0, L))
+    scene = fb.Scene(left, right, rope, fb.Clamp(left.start), fb.Clamp(right.start), fb.BallJoint(right.end, rope),
+                     fb.Spring(left.end, rope, "tie", stiffness=5e3), fb.Load("a", left.end, force=(0, 0, -800.0)),
+                     fb.Load("b", right.end, force=(0, 0, -300.0)))
+    model = fb.compile_scene(scene)
+    path = fb.solve_path(model, to=5.0, stop_at="bifurcation")
+    at = path.info["critical_points"][-1]["load_factor"]
+    found = fb.critical_loads(model, n=1)
+    assert found.load_factors[0] == pytest.approx(at, rel=1e-5)
+    mode = np.array(path.info["critical_points"][-1]["mode"])
+    assert abs(np.sum(mode * found.displacements[0])) > 0.9999 * np.linalg.norm(mode) * np.linalg.norm(found.displacements[0])
+
+
+def test_a_bar_below_a_strut_that_is_a_spring() -> None:
+    """P = k/(L + L^2/b) of a bar of length L on a bushing, under a strut of length b on its end."""
+    k, b = 50.0, 0.5 * L
+    bar, top = fb.RigidBody("bar", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, 0.3 * L)), fb.PointMass("top", mass=1.0,
+                                                                                                    position=(0, 0, L + b))
+    scene = fb.Scene(bar, top, fb.Pin(top, axes="xy"),
+                     fb.Bushing(fb.GROUND.point((0, 0, 0)), bar.point((0, 0, -0.3 * L)), stiffness=(1e9, 1e9, 1e9, k, 3.0 * k, k)),
+                     fb.Spring(bar.point((0, 0, 0.7 * L)), top, "strut", stiffness=1e8), fb.Load("press", top, force=(0, 0, -1.0)))
+    found = fb.critical_loads(fb.compile_scene(scene), n=2)
+    np.testing.assert_allclose(found.load_factors, np.array([1.0, 3.0]) * k / (L + L * L / b), rtol=1e-6)

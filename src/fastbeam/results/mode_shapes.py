@@ -52,7 +52,7 @@ class Motion:
     """
 
     def __init__(self, modes: Any, k: int, amplitude: float, decay: bool) -> None:
-        _check_number(modes, k)
+        check_number(modes, k)
         self.positions, self.directors = modes.positions, modes.directors
         self.rate, x, turn = modes._moving(k)
         swings = self.rate.imag > 0.0
@@ -217,7 +217,7 @@ class Modes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
@@ -243,7 +243,7 @@ class Modes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         a = amplitude * float(np.cos(phase))
         rate = -amplitude * (float(self.angular[k]) or 1.0) * float(np.sin(phase))
         x, turn = self.displacements[k], self.spins[k]
@@ -339,7 +339,7 @@ class DampedModes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         a = amplitude * np.exp(1j * phase)
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
@@ -412,7 +412,7 @@ class SteadyModes(DampedModes):
         SceneError
             There is no such mode, or beams travel: their nodes stand still while their material passes.
         """
-        _check_number(self, k)
+        check_number(self, k)
         a = amplitude * np.exp(1j * phase)
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]),
@@ -430,6 +430,6 @@ class SteadyModes(DampedModes):
         return "\n".join([*rows, *self._doubts()])
 
 
-def _check_number(modes: Motions, k: int) -> None:
+def check_number(modes: Motions, k: int) -> None:
     if k >= len(modes):
         raise SceneError(f"mode {k} does not exist: there are {len(modes)}, counted from 0")

@@ -1,5 +1,5 @@
 """Linear buckling: load factors at which the tangent of an equilibrium is singular, once all internal forces have grown with the
-loads (theory.md 12.4).
+loads (theory.md (12.5)).
 
 The shape stays that of the equilibrium while forces grow: stresses of beams, forces of springs, of joints and sliders, and loads that
 depend on the shape, all by their rates of K u' = f. The tangent is linear in these, so that its derivative K' is one difference of
@@ -32,11 +32,12 @@ from fastbeam.model.maps import velocity_map
 from fastbeam.model.model import Model
 from fastbeam.model.tables import strain_gradient
 from fastbeam.model.workspace import ReferenceStrains
-from fastbeam.results.mode_shapes import Motions, _check_number
+from fastbeam.results.mode_shapes import Motions, check_number
 from fastbeam.scene import Beam
 from fastbeam.statics.arc_length import PathSolver
 from fastbeam.statics.paths.equilibrium_paths import Support, begin_path
 from fastbeam.statics.static_analysis import START, which_sliders
+from fastbeam.statics.steady_motion import turning_stiffness
 from fastbeam.stepping.stepper import Stepper
 from fastbeam.vibration.linearised import Linearisation
 from fastbeam.vibration.resting_sliders import resting_sliders
@@ -53,7 +54,7 @@ FAR = 0.1
 
 
 class BucklingModes(Motions):
-    """Load factors at which a scene buckles, and its shapes then, by linear buckling about an equilibrium (theory.md 12).
+    """Load factors at which a scene buckles, and its shapes then, by linear buckling about an equilibrium (theory.md (12.5)).
 
     Attributes
     ----------
@@ -108,7 +109,7 @@ class BucklingModes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         x, turn = amplitude * self.displacements[k], amplitude * self.spins[k]
         return self._source.moved(x, turn, amplitude * self.slides[k], 0.0 * x, 0.0 * turn)
 
@@ -134,7 +135,7 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
                    moves: Mapping[Support, ArrayLike] | None = None, prestrains: Mapping[Beam, float] | None = None,
                    backend: str = "auto") -> BucklingModes:
     """Find the n lowest load factors at which a scene buckles, by linear buckling about an equilibrium: (K + c K') x = 0 with K the
-    tangent, c the change of the load factor and K' what the growing internal forces make of the tangent (theory.md 12.4).
+    tangent, c the change of the load factor and K' what the growing internal forces make of the tangent (theory.md (12.5)).
 
     What grows with the load factor of a path grows here: loads and gravity, follower loads and laws with grows=True, drives that
     push; or `moves`, or `prestrains`. With it grow in proportion, at the shape of the equilibrium, stresses of beams and forces of
@@ -317,7 +318,7 @@ def _of_springs(solver: PathSolver, motion: Array) -> Any:
     [m, m]."""
     from scipy import sparse
     model, q = solver.stepper.model, solver.state.q.reshape(-1, 4, 3)
-    rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
+    rows, columns, values, pull = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)], np.zeros_like(q)
     for table in model.links:
         if not isinstance(table, (Springs, SpringLaws)):
             continue
@@ -326,15 +327,18 @@ def _of_springs(solver: PathSolver, motion: Array) -> Any:
         length = np.linalg.norm(edge, axis=1)
         n = edge / np.where(length > 0.0, length, 1.0)[:, None]
         force = _slopes(table, length) * np.sum(n * (motion[b, 0] - motion[a, 0]), axis=1)
+        np.add.at(pull[:, 0], a, force[:, None] * n)
+        np.add.at(pull[:, 0], b, -force[:, None] * n)
         across = (force / np.where(length > 0.0, length, np.inf))[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None])
         for sign, one, other in ((1.0, a, a), (1.0, b, b), (-1.0, a, b), (-1.0, b, a)):
-            row, column = np.broadcast_arrays(12 * one[:, None, None] + np.arange(3)[:, None], 12 * other[:, None, None] + np.arange(3))
-            rows.append(row.reshape(-1))
-            columns.append(column.reshape(-1))
+            here, there = 12 * one[:, None, None] + np.arange(3)[:, None], 12 * other[:, None, None] + np.arange(3)
+            for out, x in zip((rows, columns), np.broadcast_arrays(here, there)):
+                out.append(x.reshape(-1))
             values.append((sign * across).reshape(-1))
-    lift = solver.map.rates(solver.state.q)
-    there = np.concatenate(rows), np.concatenate(columns)
-    return lift.T @ sparse.csr_matrix((np.concatenate(values), there), shape=(q.size, q.size)) @ lift
+    lift = solver.map.rates(q)
+    places = np.concatenate(rows), np.concatenate(columns)
+    own = lift.T @ sparse.csr_matrix((np.concatenate(values), places), shape=(q.size, q.size)) @ lift
+    return own + turning_stiffness(solver.map, q, pull)
 
 
 def _slopes(table: Springs | SpringLaws, length: Array) -> Array:
@@ -356,10 +360,11 @@ def _of_laws(solver: PathSolver, rates: Array, step: float) -> Any:
     order 4, sparse [m, m]; step: of the load factor."""
     from scipy import sparse
     stepper, size = solver.stepper, len(solver.core.dofs)
-    kinds = tuple({type(x) for x in solver.core.links} - {Springs, SpringLaws})
-    terms = tuple(term for term in stepper.terms if isinstance(term, kinds))
-    if not terms:
+    kinds = {type(x) for x in solver.core.links} - {Springs, SpringLaws}
+    if not kinds:
         return sparse.csr_matrix((solver.nodes, solver.nodes))
+    # forces on points of bodies have arms
+    terms = tuple(term for term in stepper.terms if isinstance(term, (*kinds, type(solver.core.ties))))
     table, work, before = Calls(terms, ADDED).on(stepper.records[1]), stepper.work, solver.saved()
     there = rates.copy()
     there[solver.places.start:] = 0.0
@@ -368,7 +373,7 @@ def _of_laws(solver: PathSolver, rates: Array, step: float) -> Any:
         solver.restore(before)
         solver.move(change * there)
         work.q_mid[:] = work.q_end[:] = stepper.core_state.q
-        work.blocks[:] = 0.0
+        work.blocks[:] = work.r[:] = 0.0
         kernels.assemble_some(*table, 0.0)
         blocks = work.blocks[:8 * size * solver.core.pattern.keys.size].reshape(-1, size, 8)
         # half of the tangent
