@@ -389,7 +389,8 @@ def forget() -> None:
 ANALYSES: dict[str, Callable[[str], None]] = {
     "order 2": order_2, "order 4": order_4, "tolerance": tolerance, "rho_inf": rho_inf, "gen. alpha": generalized_alpha,
     "observe": observe, "restart": restart, "save+vtk": files, "static": solve_static, "exact": contacts_exact,
-    "path": solve_path, "buckling": critical_loads, "relax": relax, "modes": modes, "damped": modes_damped, "steady": modes_steady,
+    "path": solve_path, "buckling": critical_loads, "relax": relax,
+    "modes": modes, "damped": modes_damped, "steady": modes_steady,
     "response": frequency_response, "sensitivity": sensitivity, "critical": critical_sensitivity, "adjoint": adjoint_run,
     "lengths": find_lengths, "stick": stick_interval, "condensed": condensed_net, "threads": threads_2,
     "planar": planar_equal, "sweep": sweep, "pictures": pictures}

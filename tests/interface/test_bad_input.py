@@ -724,8 +724,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "ResultWarning", "SceneError", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 # objects of these are made by calls alone
-MADE = {"AdjointRun", "BucklingModes", "CriticalSlopes", "DampedModes", "FrequencyResponse", "Modes", "RunGradient", "RunSliderGradient",
-        "Sensitivity", "SteadyModes", "Sweep"}
+MADE = {"AdjointRun", "BucklingModes", "CriticalSlopes", "DampedModes", "FrequencyResponse", "Modes", "RunGradient",
+        "RunSliderGradient", "Sensitivity", "SteadyModes", "Sweep"}
 
 
 def public() -> Iterator[tuple[str, Any]]:

@@ -320,6 +320,11 @@ class DampedModes(Motions):
         self.frequencies = self.angular / (2.0 * np.pi)
         self.damping_ratios = np.divide(self.decay, self.undamped, out=np.zeros(rates.size), where=self.undamped > 0.0)
 
+    @property
+    def unstable(self) -> int:
+        """Number of modes that grow."""
+        return int(np.sum(self.decay < 0.0))
+
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """Return a state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the
@@ -387,11 +392,6 @@ class SteadyModes(DampedModes):
                  in_space: Array) -> None:
         super().__init__(rates, displacements, spins, slides, residuals, source, info, names, positions, directors)
         self.whirl, self.in_space, self.is_complete = whirl, in_space, bool(info["complete"])
-
-    @property
-    def unstable(self) -> int:
-        """Number of modes that grow."""
-        return int(np.sum(self.decay < 0.0))
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:

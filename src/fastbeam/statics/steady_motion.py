@@ -277,8 +277,8 @@ class SteadyForces:
 
 
 def turning_stiffness(of: RowMap, q: Array, force: Array) -> Any:
-    """Return minus the derivative, by the unknowns of the rows, of moments of constant forces on all coordinates q [12 N] that come
-    from turning directors, sparse [m, m]. It is symmetric once the moments of all forces are in equilibrium, as in the tangent of
+    """Return minus the derivative, by the unknowns of the rows, of moments of constant forces on all coordinates q [12 N], whose
+    directors turn, sparse [m, m]. It is symmetric once the moments of all forces are in equilibrium, as in the tangent of
     beams."""
     from scipy import sparse
     d = q.reshape(-1, 4, 3)[:, 1:]

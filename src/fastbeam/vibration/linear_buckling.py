@@ -1,10 +1,10 @@
 """Linear buckling: load factors at which the tangent of an equilibrium is singular, once all internal forces have grown with the
 loads (theory.md (12.5)).
 
-The shape stays that of the equilibrium while forces grow: stresses of beams, forces of springs, of joints and sliders, and loads that
-depend on the shape, all by their rates of K u' = f. The tangent is linear in these, so that its derivative K' is one difference of
-compiled tangents, exact but for round-off. Derivatives by displacements before buckling do not belong to it: the square of the
-strains that a stiff beam is kept from would be left out, next to which the softest directions are nothing.
+The shape stays that of the equilibrium while forces grow: stresses of beams, forces of springs, joints and sliders, and loads
+that depend on the shape, all by their rates of K u' = f. The tangent is linear in these, so that its derivative K' is one
+difference of compiled tangents, exact but for round-off. Derivatives by displacements before buckling do not belong to it:
+without their squares the stiff strains of slender beams would get an energy below zero.
 """
 from __future__ import annotations
 
@@ -134,14 +134,14 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
                    at_time: float | tuple[float, float] | None = None, held: bool | str | Sequence[str] = False,
                    moves: Mapping[Support, ArrayLike] | None = None, prestrains: Mapping[Beam, float] | None = None,
                    backend: str = "auto") -> BucklingModes:
-    """Find the n lowest load factors at which a scene buckles, by linear buckling about an equilibrium: (K + c K') x = 0 with K the
-    tangent, c the change of the load factor and K' what the growing internal forces make of the tangent (theory.md (12.5)).
+    """Find the n lowest load factors at which a scene buckles, by linear buckling about an equilibrium: (K + c K') x = 0 with K
+    the tangent, c the change of the load factor and K' what the growing internal forces make of the tangent (theory.md (12.5)).
 
     What grows with the load factor of a path grows here: loads and gravity, follower loads and laws with grows=True, drives that
-    push; or `moves`, or `prestrains`. With it grow in proportion, at the shape of the equilibrium, stresses of beams and forces of
-    springs, joints and sliders. Linear buckling neglects how the shape changes before: it is exact for a column but for its
-    shortening, and good as long as the scene hardly moves (`motion_before`); limit points of shallow arches, and paths behind
-    critical points, are found by `solve_path`. About a state nearer to the critical load there is less to neglect.
+    push; or `moves`, or `prestrains`. Stresses of beams and forces of springs, joints and sliders grow in proportion, at the
+    shape of the equilibrium. Linear buckling neglects how the shape changes before: it is exact for a column but for its
+    shortening, and good as long as the scene hardly moves (`motion_before`). `solve_path` finds limit points, as of shallow
+    arches, and paths behind critical points. About a state nearer to the critical load there is less to neglect.
 
     Parameters
     ----------
@@ -177,13 +177,14 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
     begun = begin_path("critical_loads", model, state, load_factor, at_time, held, moves, prestrains, backend)
     solver = begun.solver.judge
     if not solver.balanced():
-        raise SceneError(f"critical_loads: the state is not an equilibrium at load_factor={load_factor:g}; give the load factor at "
-                         "which it was found, 1 for solve_static(model).state, and the same at_time=, moves= and prestrains=")
+        raise SceneError(f"critical_loads: the state is not an equilibrium at load_factor={load_factor:g}; give the load factor "
+                         "at which it was found, 1 for solve_static(model).state, and the same at_time=, moves= and prestrains=")
     tangent = _tangent(solver)
     try:
         modes = _lowest(tangent, n, negative)
     except SingularError:
-        raise ConvergenceError(f"critical_loads of scene {model.scene_name!r} were not found; ask for fewer", state=state) from None
+        raise ConvergenceError(f"critical_loads of scene {model.scene_name!r} were not found; ask for fewer",
+                               state=state) from None
     result = _result(model, solver, tangent, modes, n, negative)
     for kind, text in (*begun.notes, *([("plane", begun.aside)] if begun.aside else [])):
         result.events.append({"kind": kind, "text": text})
@@ -241,8 +242,8 @@ def _tangent(solver: PathSolver) -> _Tangent:
     moves[:core.dim] /= core.length
     reach = float(max(np.max(moves), np.max(np.abs(rates[solver.places]), initial=0.0) / core.length))
     # of supports that move, too
-    of_rows = solver.map
-    motion = (of_rows.ties @ velocity_map(solver.state.q.reshape(-1, 4, 3)) @ of_rows.every @ rates[:solver.nodes]).reshape(-1, 4, 3)
+    of_rows, q = solver.map, solver.state.q.reshape(-1, 4, 3)
+    motion = (of_rows.ties @ (velocity_map(q) @ (of_rows.every @ rates[:solver.nodes]))).reshape(-1, 4, 3)
     # forces grow by as much as strains of 1 would need
     by_strain, largest = _of_stresses(solver, motion)
     step = 1.0 / max(largest, *(abs(change) for _, change in solver.strains.beams), reach, 1e-300)
@@ -485,6 +486,6 @@ def _events(found: BucklingModes) -> list[dict[str, Any]]:
                     "solve_path, or give a state nearer to it"})
     if not found.info["conservative"]:
         out.append({"kind": "nonconservative", "text": "follower loads, laws, moving air and moments with fixed axes have no "
-                    "potential: these are load factors of divergence only; vibrations that grow (flutter) are found by fb.modes at "
-                    "states of solve_path"})
+                    "potential: these are load factors of divergence only; vibrations that grow (flutter) are found by fb.modes "
+                    "at states of solve_path"})
     return out

@@ -87,7 +87,9 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         planar=True.
     damped : bool
         The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
-        dampers in joints, viscous and smoothed friction and drives of sliders, laws of forces that depend on velocities.
+        dampers in joints, viscous and smoothed friction and drives of sliders, laws of forces that depend on velocities. Where
+        the stiffness is not symmetric, as with cross-coupled bearings, follower loads and moments with fixed axes, the n slowest
+        motions, by |r|: `.unstable` counts those that grow (flutter, divergence).
     steady : Spin or Travel, optional
         About a steady motion (theory.md 17): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
         supports belong to the frame that spins, or stand where beams travel. With the damping that the scene has.
@@ -136,11 +138,10 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
         return _modes_of(about, found), found
     require(Analysis.DAMPED, model)
     found = equilibrium_of("modes", about, n + MORE, backend, state)
-    if not found.factors.pencil.is_symmetric:
-        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments with fixed axes, follower loads, laws "
-                         "and moving air exclude; find the modes of the scene without them, or run in time")
     try:
-        return _damped_modes_of(about, damped_of(about, found, n, backend)), found
+        if found.factors.pencil.is_symmetric:
+            return _damped_modes_of(about, damped_of(about, found, n, backend)), found
+        return _damped_modes_of(about, Damped(*steady_modes_of(about, found, n, backend)[:3])), found
     except SingularError:
         raise ConvergenceError(f"modes: a damped mode of scene {model.scene_name!r} was not found; ask for fewer, or look at "
                                "frequency_response", state=state) from None

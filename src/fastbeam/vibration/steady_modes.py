@@ -1,4 +1,5 @@
-"""Small motions x e^(r t) about a steady motion, (K + r (C + G) + r^2 M) x = 0, G skew (theory.md 17).
+"""Small motions x e^(r t) about a steady motion, (K + r (C + G) + r^2 M) x = 0, G skew (theory.md 17); without G those about an
+equilibrium whose K is not symmetric (theory.md 14).
 
 Krylov vectors of the inverse at a real rate near zero, of positions and velocities together, in blocks and all of them kept. For
 each rate found the vector follows from one more solution, and the rate from that vector once more, by the quadratic equation
@@ -40,7 +41,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     damping = about.damping()
     if damping.nnz and not np.any(damping.data):
         damping.eliminate_zeros()
-    against = (about.coriolis() + damping).tocsr()
+    against = damping if about.steady is None else (about.coriolis() + damping).tocsr()
     shift = NEXT_TO * float(np.sqrt(np.max(np.abs(found.values), initial=0.0)))
     if not shift > 0.0:
         raise SingularError

@@ -250,8 +250,8 @@ class _Task:
         solver = self.solver(self.start, self.load_factor,
                              False if may_leave and leave_plane(model, self.growing.moved) else None)
         if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
-            raise SceneError(f"{self.who}: user forces that do not grow act at the start, which is not an equilibrium: begin with "
-                             "the equilibrium under them, or use grows=True for loads")
+            raise SceneError(f"{self.who}: user forces that do not grow act at the start, which is not an equilibrium: begin "
+                             "with the equilibrium under them, or use grows=True for loads")
         flat = solver.stepper.plane is not None
         check_supports(model, flat)
         if model.motions is not None:
