@@ -21,6 +21,8 @@ MOST_FRAMES = 20_000
 SIZE, FRAMES = Number(above=0.0, most=10.0), Count(2, most=MOST_FRAMES)
 # motions without vibration are shown until they have decayed to exp(-this), or have grown from that
 DECAYS = 3.0
+# rate of growth that may be round-off, next to the size of the rate
+GROWS = 1e-10
 
 
 class Motion:
@@ -322,8 +324,8 @@ class DampedModes(Motions):
 
     @property
     def unstable(self) -> int:
-        """Number of modes that grow."""
-        return int(np.sum(self.decay < 0.0))
+        """Number of modes that grow, by more than round-off of their rates."""
+        return int(np.sum(self.decay < -GROWS * self.undamped))
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
@@ -376,10 +378,10 @@ class SteadyModes(DampedModes):
     Attributes
     ----------
     whirl : float64 [n]
-        About a spin: 1 for modes that circle the axis forward in that frame, -1 backward, 0 for motions to and fro or along the
-        axis, and for a `Travel`. By share of the kinetic energy.
+        About a spin: 1 for modes that circle the axis forward, in the sense of the spin, as seen from space, -1 backward, 0 for
+        motions to and fro or along the axis, and for a `Travel`. By share of the kinetic energy.
     in_space : float64 [n]
-        Frequency of modes that circle (|whirl| > 0.999) as seen from space, Hz; positive forward. NaN for others.
+        Frequency of modes that circle as seen from space, Hz; positive forward. NaN for others.
     is_complete : bool
         Whether a count of signs confirms that no mode below the last is missing; False where K alone is not stable, as beyond a
         critical speed, or something is damped.

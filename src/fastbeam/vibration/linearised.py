@@ -300,14 +300,13 @@ class Linearisation:
         turn = motion.rate * motion.axis
         return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
 
-    def whirl(self, vectors: Array) -> Array:
-        """Return how complex motions [k, m] circle about a spin: kinetic energy of displacements that circle forward less that
-        of those that circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that
-        travel."""
+    def circling(self, vectors: Array) -> Array:
+        """Return how complex motions [k, m] circle about the axis of a spin in its frame: kinetic energy of displacements that
+        circle about it less that of those that circle the other way, as a share of those across the axis [m]; of spins where
+        these are all; NaN where nothing moves across."""
         assert self.steady is not None
         motion = self.steady.motion
-        if not isinstance(motion, Spin):
-            return np.zeros(vectors.shape[1])
+        assert isinstance(motion, Spin)
         one = np.cross(motion.axis, np.eye(3)[np.argmin(np.abs(motion.axis))])
         one /= np.linalg.norm(one)
         two = np.cross(motion.axis, one)
@@ -324,7 +323,7 @@ class Linearisation:
                 across *= across > NOT_ACROSS * float(np.linalg.norm(moves))**2
             # twice the imaginary part of conj(b) a, b ahead of a by a quarter of a turn
             turning = 2.0 * float(np.imag(np.sum((moves @ two).conj() * (product @ one))))
-            out.append(turning / across if across > 0.0 else 0.0)
+            out.append(turning / across if across > 0.0 else np.nan)
         return np.array(out)
 
     # --- what is said about a state ---------------------------------------------------------------------------------------

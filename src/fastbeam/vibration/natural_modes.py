@@ -100,7 +100,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     Modes, DampedModes or SteadyModes
         `.frequencies` (Hz), `.angular` (rad/s), `.growth`, `.displacements`, ..., `.state(k, amplitude)`; fewer than n where
         there are no more. With damped=True `.rates` (complex, 1/s), `.frequencies`, `.damping_ratios`, `.decay`, ...;
-        with steady= these and `.whirl`, `.in_space`.
+        with steady= these and `.whirl`, `.in_space`, in which forward is the sense of the spin.
 
     Raises
     ------
@@ -139,9 +139,7 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
     require(Analysis.DAMPED, model)
     found = equilibrium_of("modes", about, n + MORE, backend, state)
     try:
-        if found.factors.pencil.is_symmetric:
-            return _damped_modes_of(about, damped_of(about, found, n, backend)), found
-        return _damped_modes_of(about, Damped(*steady_modes_of(about, found, n, backend)[:3])), found
+        return _damped_modes_of(about, damped_of(about, found, n, backend)), found
     except SingularError:
         raise ConvergenceError(f"modes: a damped mode of scene {model.scene_name!r} was not found; ask for fewer, or look at "
                                "frequency_response", state=state) from None
@@ -255,14 +253,18 @@ def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, l
 def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, steady: Spin | Travel) -> SteadyModes:
     """Form steady modes, with the frequencies that they have as seen from space."""
     damped = _damped_modes_of(about, Damped(*found[:3]))
-    whirl = about.whirl(found.vectors[:about.free.size])
-    rate = steady.rate if isinstance(steady, Spin) else 0.0
-    seen = (np.sign(whirl) * damped.angular + rate) / (2.0 * np.pi)
+    whirl, in_space = np.zeros(len(damped)), np.full(len(damped), np.nan)
+    if isinstance(steady, Spin):
+        # of what circles about the axis with the angular frequency w in the frame, w + rate is seen from space
+        share = about.circling(found.vectors[:about.free.size])
+        forward = -1.0 if steady.rate < 0.0 else 1.0
+        seen = forward * (steady.rate + np.array([[1.0], [-1.0]]) * damped.angular)
+        whirl = np.where(np.isnan(share), 0.0, 0.5 * np.sum((1.0 + np.array((share, -share))) * np.sign(seen), axis=0))
+        in_space = np.where(np.abs(share) > CIRCLES, np.where(share > 0.0, *seen), np.nan) / (2.0 * np.pi)
     info = damped.info | {"method": "modes about a steady motion", "steady": repr(steady), "complete": found.is_complete,
                           "unstable_at_rest": int(np.sum(np.real(at_rest.values) < 0.0))}
     return SteadyModes(damped.rates, damped.displacements, damped.spins, damped.slides, damped.residuals, about, info,
-                       damped.names, damped.positions, damped.directors, whirl,
-                       np.where(np.abs(whirl) > CIRCLES, seen, np.nan))
+                       damped.names, damped.positions, damped.directors, whirl, in_space)
 
 
 def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
