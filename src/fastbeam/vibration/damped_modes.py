@@ -47,10 +47,9 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     """
     pencil = found.factors.pencil
     k = pencil.mass.shape[0]
-    n = min(n, found.values.size)
     damping = about.damping()
     if pencil.is_symmetric:
-        rates, vectors = _begun(found, damping, n)
+        rates, vectors = _begun(found, damping, min(n, found.values.size))
     else:
         rates, vectors, *_ = steady_modes_of(about, found, n, backend)
     pencil = with_still(pencil, np.zeros(k))
