@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.linalg.arnoldi import nearest
-from fastbeam.linalg.eigen import BLOCK, NOISE, Eigen, Pencil, Shifted, SingularError, grown
+from fastbeam.linalg.eigen import BLOCK, NOISE, Eigen, Pencil, Shifted, SingularError, grown, satisfied
 from fastbeam.vibration.linearised import Linearisation
 
 Array = np.ndarray
@@ -56,15 +56,15 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     rates, u = _krylov(factors, with_rate, pencil.mass, shift, n)
     conserves = pencil.is_symmetric and damping.nnz == 0
     out: list[tuple[complex, Array, float]] = []
-    is_every = False
+    is_every = rates.size < wanted(n)
     for rate, x in zip(rates, u.T):
         try:
             out.append(_improved(pencil, against, factors, with_rate, shift, rate, x, conserves))
         except SingularError:
             # constraints make some infinite ones
-            is_every = abs(rate) > INFINITE * max([shift, *(abs(known) for known, *_ in out)])
-            if not is_every:
+            if abs(rate) <= INFINITE * max([shift, *(abs(known) for known, *_ in out)]):
                 raise
+            is_every = True
             break
     out = _one_of_pairs(out)
     if len(out) < n and not (is_every or len(out) >= k):
@@ -75,6 +75,11 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     definite = conserves and bool(np.all(np.real(found.values) >= 0.0))
     return SteadyEigen(found_rates, vectors, np.array([left for *_, left in out]),
                        definite and _counted(pencil, against, found_rates, backend))
+
+
+def wanted(n: int) -> int:
+    """Return the number of rates to look for: both of each of n pairs, and some more."""
+    return 2 * n + 4
 
 
 def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -> tuple[Array, Array]:
@@ -95,7 +100,7 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
         return np.concatenate((x / scale[:, None], z[:k] / shift))
 
     draw = np.random.default_rng(0)
-    found = nearest(applied, applied(applied(draw.standard_normal((2 * k, BLOCK)))), shift, 2 * n + 4,
+    found = nearest(applied, applied(applied(draw.standard_normal((2 * k, BLOCK)))), shift, wanted(n),
                     min(2 * k, 12 * n + 240), np.abs)
     if not (found.is_converged or found.parts.shape[0] >= 2 * k - BLOCK):
         raise SingularError
@@ -141,7 +146,7 @@ def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, sh
     terms[:k] += abs(rate) * (abs(against) @ np.abs(x)) + abs(rate)**2 * (abs(mass) @ np.abs(x))
     scale = factors.scale
     residual = float(np.linalg.norm(scale * left) / max(float(np.linalg.norm(scale * terms)), 1e-300))
-    if not residual <= GOOD:
+    if not residual <= GOOD or not satisfied(pencil, scale, whole[:, None])[0]:
         raise SingularError
     return rate, whole, residual
 
