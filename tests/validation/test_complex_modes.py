@@ -54,6 +54,27 @@ def test_a_rotor_in_cross_coupled_bearings(q: float) -> None:
         assert complex(*z) == pytest.approx(-q * y / x, rel=1e-6)
 
 
+def gyroscope(t: float, position: Array, rotation: Array, velocity: Array, spin: Array, parameters: Array, force: Array,
+              moment: Array) -> None:
+    """Stiffness k against tilts, and the moment of a disc with the angular momentum G along z."""
+    force[:] = -1e4 * position
+    for i in range(3):
+        moment[i] = -0.5 * parameters[0] * (rotation[(i + 2) % 3, (i + 1) % 3] - rotation[(i + 1) % 3, (i + 2) % 3])
+    moment[0] -= parameters[1] * spin[1]
+    moment[1] += parameters[1] * spin[0]
+
+
+def test_gyroscopic_moments_are_a_law() -> None:
+    """I r^2 - i G r + k = 0 of the tilt x + i y."""
+    inertia, k, G = 0.1, 50.0, 7.0
+    disc = fb.RigidBody("disc", mass=100.0, inertia=(inertia, inertia, 1.0), position=(0, 0, 0))
+    law = fb.ForceElement(fb.GROUND.point((0, 0, 0)), disc.center, "spin", law=gyroscope, parameters=(k, G))
+    found = fb.modes(fb.compile_scene(fb.Scene(disc, law)), damped=True, n=6)
+    for exact in np.abs(np.roots([inertia, -1j * G, k])):
+        assert np.min(np.abs(found.rates - 1j * exact)) < 1e-9 * exact
+    assert found.unstable == 0
+
+
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 @pytest.mark.parametrize("thrust", [0.5, 1.3, 1.6, 2.0, 2.2, 4.0])
 def test_the_double_pendulum_of_ziegler(thrust: float, damping: float) -> None:
