@@ -127,7 +127,7 @@ def test_the_column_of_beck_beyond_flutter() -> None:
 
 @pytest.mark.parametrize("rate", [0.5, 3.0, -3.0, 30.0])
 def test_forward_is_the_sense_of_the_spin_at_every_speed(rate: float) -> None:
-    """A disc without weight of its rim, on a shaft as a spring to all sides: w^2 = k/m whatever the speed, forward and backward."""
+    """A small disc on a shaft that is a spring to all sides: w^2 = k/m whatever the speed, forward and backward."""
     m, k = 2.0, 200.0
     disc = fb.RigidBody("disc", mass=m, inertia=(1e-3, 1e-3, 2e-3), position=(0, 0, 0))
     shaft = fb.Bushing(fb.GROUND.point((0, 0, 0)), disc.center, stiffness=(k, k, 1e5, 1e5, 1e5, 1e5))
