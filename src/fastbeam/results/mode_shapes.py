@@ -433,5 +433,11 @@ class SteadyModes(DampedModes):
 
 
 def check_number(modes: Motions, k: int) -> None:
+    """Check that there is a mode of this number.
+
+    Raises
+    ------
+    SceneError
+    """
     if k >= len(modes):
         raise SceneError(f"mode {k} does not exist: there are {len(modes)}, counted from 0")

@@ -135,7 +135,7 @@ class Linearisation:
         skew = (matrix - transposed).tocoo()
         size = np.sqrt(self._diagonal(matrix, keep))
         if any(without_potential(self.own)):
-            size = np.where(size > 0.0, size, _sizes_beside(matrix[:, ~multiplier][~multiplier], size[~multiplier], multiplier))
+            size = np.where(size > 0.0, size, _sizes_off_diagonal(matrix[:, ~multiplier][~multiplier], size[~multiplier], multiplier))
         scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
         within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
         symmetric = not np.any(scaled[within] > SKEW)
@@ -352,14 +352,14 @@ class Linearisation:
                                     initial=0.0))
 
 
-def _sizes_beside(matrix: Any, size: Array, multiplier: Array) -> Array:
+def _sizes_off_diagonal(matrix: Any, size: Array, multiplier: Array) -> Array:
     """Return sizes of unknowns by the entries beside the diagonal, as of masses without stiffness that a force follows; 0 at
     multipliers, bool [n]. size: of the diagonal entries [m], 0 where there are none."""
     from scipy import sparse
     entries = abs(matrix)
     entries = entries.maximum(entries.T).tocsr()
-    beside = (entries @ sparse.diags(np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0))).max(axis=1)
-    found, largest = (np.asarray(x.todense()).reshape(-1) for x in (beside, entries.max(axis=1)))
+    scaled = (entries @ sparse.diags(np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0))).max(axis=1)
+    found, largest = (np.asarray(x.todense()).reshape(-1) for x in (scaled, entries.max(axis=1)))
     out = np.zeros(multiplier.size)
     out[~multiplier] = np.where(found > 0.0, found, np.sqrt(largest))
     return out
