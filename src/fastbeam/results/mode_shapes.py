@@ -116,7 +116,7 @@ class Motions(Tabled):
     def __len__(self) -> int:
         return self.residuals.size
 
-    def words(self, k: int) -> tuple[str, bool]:
+    def _words(self, k: int) -> tuple[str, bool]:
         """Return the title of mode k in a picture, and whether it grows."""
         return f"{k}", False
 
@@ -251,7 +251,7 @@ class Modes(Motions):
         x, turn = self.displacements[k], self.spins[k]
         return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
 
-    def words(self, k: int) -> tuple[str, bool]:
+    def _words(self, k: int) -> tuple[str, bool]:
         what = f"grows, {self.growth[k]:.4g} 1/s" if self.growth[k] else f"{self.frequencies[k]:.5g} Hz"
         return what if self.squared[k] else "free", bool(self.growth[k])
 
@@ -352,7 +352,7 @@ class DampedModes(Motions):
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
                                   np.real(a * rate * turn))
 
-    def words(self, k: int) -> tuple[str, bool]:
+    def _words(self, k: int) -> tuple[str, bool]:
         grows = bool(self.decay[k] < 0.0)
         swing = f"{self.frequencies[k]:.5g} Hz, " if self.frequencies[k] else ""
         rate = f"{'grows' if grows else 'decays'}, {abs(self.decay[k]):.4g} 1/s"

@@ -111,9 +111,10 @@ class BucklingModes(Motions):
         """
         check_number(self, k)
         x, turn = amplitude * self.displacements[k], amplitude * self.spins[k]
-        return self._source.moved(x, turn, amplitude * self.slides[k], 0.0 * x, 0.0 * turn)
+        moved: State = self._source.moved(x, turn, amplitude * self.slides[k], 0.0 * x, 0.0 * turn)
+        return moved
 
-    def words(self, k: int) -> tuple[str, bool]:
+    def _words(self, k: int) -> tuple[str, bool]:
         return f"load factor {self.load_factors[k]:.5g}", False
 
     def table(self) -> str:
@@ -186,8 +187,8 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
         raise ConvergenceError(f"critical_loads of scene {model.scene_name!r} were not found; ask for fewer",
                                state=state) from None
     result = _result(model, solver, tangent, modes, n, negative)
-    for kind, text in (*begun.notes, *([("plane", begun.aside)] if begun.aside else [])):
-        result.events.append({"kind": kind, "text": text})
+    notes = [*begun.notes, ("plane", begun.aside)] if begun.aside else begun.notes
+    result.events = [*({"kind": kind, "text": text} for kind, text in notes), *_events(result)]
     return result
 
 
@@ -467,12 +468,10 @@ def _result(model: Model, solver: PathSolver, tangent: _Tangent, found: _Found, 
             "counted_in": "plane" if flat else "space", "unknowns": about.free.size, "held_sliders": about.held_sliders,
             "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric}
     by = 1.0 / size[:, None, None]
-    result = BucklingModes(solver.factor + change, change, by * moved, by * spins,
-                           x[solver.places].T / size[:, None] * solver.sliding, residuals,
-                           rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
-                           about.q[:, 0].copy(), about.q[:, 1:].copy())
-    result.events = _events(result)
-    return result
+    return BucklingModes(solver.factor + change, change, by * moved, by * spins,
+                         x[solver.places].T / size[:, None] * solver.sliding, residuals,
+                         rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
+                         about.q[:, 0].copy(), about.q[:, 1:].copy())
 
 
 def _events(found: BucklingModes) -> list[dict[str, Any]]:

@@ -220,7 +220,7 @@ class ModeFilm:
         self._take(0)
         self.lines = []
         for j, (k, axes) in enumerate(zip(self.which, self.panels)):
-            what, grows = self.modes.words(k)
+            what, grows = self.modes._words(k)
             for line in shapes.draw(axes, 0, "0.8"):
                 line.set_zorder(0)
             self.lines.append(shapes.draw(axes, 1 + j, COLOURS[1] if grows else COLOURS[0]))

@@ -234,7 +234,7 @@ def plot_modes(modes: Motions, plane: str = "auto", n: int = 6, first: int = 0, 
                            directors=np.broadcast_to(modes.directors, (len(positions), *modes.directors.shape))))
     figure, panels = panel_figure(len(picks), shapes.everything, plane)
     for j, (k, axes) in enumerate(zip(picks, panels)):
-        what, grows = modes.words(k)
+        what, grows = modes._words(k)
         colour = COLOURS[1] if grows else COLOURS[0]
         shapes.draw(axes, 0, "0.75")
         for line in shapes.draw(axes, 1 + 2 * j, colour):
