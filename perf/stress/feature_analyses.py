@@ -203,6 +203,13 @@ def solve_path(feature: str) -> None:
     close(path.point("apex")[-1], rest(feature).point("apex")[-1], 1e-7, "end of the path against solve_static", 1.0)
 
 
+def critical_loads(feature: str) -> None:
+    """Find the load factors next to that of the equilibrium."""
+    found = fb.critical_loads(model(feature), state=rest(feature).state, load_factor=0.999 if host(feature).moved else 1.0, n=2,
+                              negative=True, **timed(feature))
+    close(found.residuals, 0.0 * found.residuals, 1e-8, "residuals of buckling modes", 1.0)
+
+
 def relax(feature: str) -> None:
     """Relax to the equilibrium."""
     more = {"start": rest(feature).state} if host(feature).moved else {}
@@ -382,7 +389,8 @@ def forget() -> None:
 ANALYSES: dict[str, Callable[[str], None]] = {
     "order 2": order_2, "order 4": order_4, "tolerance": tolerance, "rho_inf": rho_inf, "gen. alpha": generalized_alpha,
     "observe": observe, "restart": restart, "save+vtk": files, "static": solve_static, "exact": contacts_exact,
-    "path": solve_path, "relax": relax, "modes": modes, "damped": modes_damped, "steady": modes_steady,
+    "path": solve_path, "buckling": critical_loads, "relax": relax,
+    "modes": modes, "damped": modes_damped, "steady": modes_steady,
     "response": frequency_response, "sensitivity": sensitivity, "critical": critical_sensitivity, "adjoint": adjoint_run,
     "lengths": find_lengths, "stick": stick_interval, "condensed": condensed_net, "threads": threads_2,
     "planar": planar_equal, "sweep": sweep, "pictures": pictures}

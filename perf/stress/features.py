@@ -39,8 +39,8 @@ from perf.suite.same_bits_cases import found_in  # noqa: E402
 SIGNS = {"ok": "+", "refused": "r", "failed": "F", "makes no sense": "."}
 QUICK = ("order 2", "static")
 # calls whose results are compared to the last bit
-CALLS = ("simulate", "solve_static", "solve_path", "relax", "modes", "frequency_response", "sensitivity", "critical_sensitivity",
-         "adjoint_run", "find_lengths", "stick_interval")
+CALLS = ("simulate", "solve_static", "solve_path", "critical_loads", "relax", "modes", "frequency_response", "sensitivity",
+         "critical_sensitivity", "adjoint_run", "find_lengths", "stick_interval")
 # a pair: a word of SIGNS, what it says, seconds
 Pair = tuple[str, str, float]
 

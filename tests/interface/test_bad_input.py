@@ -70,6 +70,11 @@ def modes() -> Modes:
 
 
 @cache
+def buckling() -> fb.BucklingModes:
+    return fb.critical_loads(held(), prestrains={BEAM: -0.01}, n=2)
+
+
+@cache
 def damped_modes() -> DampedModes:
     return fb.modes(held(), load_factor=0.0, n=3, damped=True)
 
@@ -460,6 +465,10 @@ def calls(folder: Path) -> dict[str, Call]:
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
             side=among(1, -1), branch=is_count, observe=is_list_of(is_text), moves=one_of(Mapping), stop=one_of(Mapping),
             prestrains=one_of(Mapping))),
+        "critical_loads": Call(fb.critical_loads, dict(model=held(), n=2), dict(
+            model=one_of(Model), state=one_of(State), load_factor=is_real, n=is_count, negative=is_flag,
+            at_time=either(is_real, is_array(2)), held=either(is_flag, is_text, is_list_of(is_text)), moves=one_of(Mapping),
+            prestrains=one_of(Mapping), backend=is_text)),
         "find_lengths": Call(fb.find_lengths, dict(model=held(), lengths=["boom"], conditions={("tip", "x"): 2.0},
                                                    points={"tip": BEAM.end}), dict(
             model=one_of(Model), lengths=is_list_of(either(is_text, one_of(fb.Beam))), conditions=one_of(Mapping),
@@ -519,6 +528,9 @@ def calls(folder: Path) -> dict[str, Call]:
             points=one_of(Mapping), sliders=one_of(Mapping), contact_forces=one_of(Mapping), strain_energy=is_real)),
         "Sensitivity.frequencies": Call(bars().frequencies, dict(n=2), dict(n=is_count, planar=is_flag)),
         "Modes.state": Call(modes().state, dict(k=0, amplitude=0.01), dict(k=is_count, amplitude=is_real, phase=is_real)),
+        "BucklingModes.state": Call(buckling().state, dict(k=0, amplitude=0.01), dict(k=is_count, amplitude=is_real)),
+        "BucklingModes.motion": Call(buckling().motion, dict(k=0), dict(
+            k=is_count, amplitude=is_real, frames=is_count, decay=is_flag)),
         "Modes.motion": Call(modes().motion, dict(k=0), dict(k=is_count, amplitude=is_real, frames=is_count, decay=is_flag)),
         "DampedModes.motion": Call(damped_modes().motion, dict(k=0), dict(
             k=is_count, amplitude=is_real, frames=is_count, decay=is_flag)),
@@ -572,7 +584,7 @@ def calls(folder: Path) -> dict[str, Call]:
                              dict(name=is_text)),
         "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
         "animate": Call(fb.animate, dict(result=modes(), path=folder / "film.gif", overwrite=True, plane="xy", frames=2), dict(
-            result=one_of(fb.Result, Modes, DampedModes), path=PATH, plane=is_text, fps=is_real, speed=is_real,
+            result=one_of(fb.Result, Modes, DampedModes, fb.BucklingModes), path=PATH, plane=is_text, fps=is_real, speed=is_real,
             mode=either(is_count, is_list_of(is_count), is_counts), amplitude=is_real, frames=is_count, decay=is_flag,
             overwrite=is_flag, progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
@@ -581,7 +593,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "plot_invariants": Call(fb.plot_invariants, dict(result=result()), dict(result=one_of(fb.Result))),
         "plot_slider": Call(fb.plot_slider, dict(result=result()), dict(result=one_of(fb.Result), slider=is_text)),
         "plot_modes": Call(fb.plot_modes, dict(modes=modes()), dict(
-            modes=one_of(Modes, DampedModes), plane=is_text, n=is_count, first=is_count, amplitude=is_real)),
+            modes=one_of(Modes, DampedModes, fb.BucklingModes), plane=is_text, n=is_count, first=is_count, amplitude=is_real)),
     }
     return out
 
@@ -712,8 +724,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "ResultWarning", "SceneError", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 # objects of these are made by calls alone
-MADE = {"AdjointRun", "CriticalSlopes", "DampedModes", "FrequencyResponse", "Modes", "RunGradient", "RunSliderGradient",
-        "Sensitivity", "SteadyModes", "Sweep"}
+MADE = {"AdjointRun", "BucklingModes", "CriticalSlopes", "DampedModes", "FrequencyResponse", "Modes", "RunGradient",
+        "RunSliderGradient", "Sensitivity", "SteadyModes", "Sweep"}
 
 
 def public() -> Iterator[tuple[str, Any]]:

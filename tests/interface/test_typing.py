@@ -21,7 +21,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.gradients.adjoint import AdjointRun, RunGradient, RunSectionGradient, RunSliderGradient
-from fastbeam.gradients.critical_loads import CriticalSlopes
+from fastbeam.gradients.critical_load_slopes import CriticalSlopes
 from fastbeam.gradients.equilibria import Gradient, Sensitivity
 from fastbeam.gradients.section_gradient import SectionGradient
 from fastbeam.interface.lazy_import import names_of

@@ -11,7 +11,7 @@ from fastbeam.gradients.adjoint import (
 from fastbeam.gradients.adjoint import (
     adjoint_run as adjoint_run,
 )
-from fastbeam.gradients.critical_loads import CriticalSlopes as CriticalSlopes
-from fastbeam.gradients.critical_loads import critical_sensitivity as critical_sensitivity
+from fastbeam.gradients.critical_load_slopes import CriticalSlopes as CriticalSlopes
+from fastbeam.gradients.critical_load_slopes import critical_sensitivity as critical_sensitivity
 from fastbeam.gradients.equilibria import Sensitivity as Sensitivity
 from fastbeam.gradients.equilibria import sensitivity as sensitivity

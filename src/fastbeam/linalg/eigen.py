@@ -299,11 +299,15 @@ def _is_eigenvector(pencil: Pencil, factors: Shifted, whole: Array, kept: Array)
     """Sieve vectors [n, m], bool [m]: GIVE makes eigenvalues of its own behind all others, whose vectors do not satisfy the
     constraints, or are round-off once a refined solution has taken GIVE out. kept: remaining share of their size, [m]."""
     is_kept = kept > 0.5 if pencil.is_symmetric else np.ones(kept.size, bool)
+    return is_kept & satisfied(pencil, factors.scale, whole)
+
+
+def satisfied(pencil: Pencil, scale: Array, x: Array) -> Array:
+    """Return which vectors [n, m] satisfy the constraints, bool [m]; scale: of rows and columns [n]."""
     if not pencil.multiplier.any():
-        return is_kept
-    gap = np.abs(factors.scale[pencil.multiplier, None] * (pencil.stiffness[pencil.multiplier] @ whole)).max(axis=0)
-    size = np.abs(whole[~pencil.multiplier] / factors.scale[~pencil.multiplier, None]).max(axis=0)
-    return is_kept & (gap <= OPEN * size)
+        return np.ones(x.shape[1], bool)
+    gap = np.abs(scale[pencil.multiplier, None] * (pencil.stiffness[pencil.multiplier] @ x)).max(axis=0)
+    return np.asarray(gap <= OPEN * np.abs(x[~pencil.multiplier] / scale[~pencil.multiplier, None]).max(axis=0))
 
 
 def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:

@@ -21,6 +21,8 @@ MOST_FRAMES = 20_000
 SIZE, FRAMES = Number(above=0.0, most=10.0), Count(2, most=MOST_FRAMES)
 # motions without vibration are shown until they have decayed to exp(-this), or have grown from that
 DECAYS = 3.0
+# rate of growth that may be round-off, next to the size of the rate
+GROWS = 1e-10
 
 
 class Motion:
@@ -52,7 +54,7 @@ class Motion:
     """
 
     def __init__(self, modes: Any, k: int, amplitude: float, decay: bool) -> None:
-        _check_number(modes, k)
+        check_number(modes, k)
         self.positions, self.directors = modes.positions, modes.directors
         self.rate, x, turn = modes._moving(k)
         swings = self.rate.imag > 0.0
@@ -113,6 +115,14 @@ class Motions(Tabled):
 
     def __len__(self) -> int:
         return self.residuals.size
+
+    def _words(self, k: int) -> tuple[str, bool]:
+        """Return the title of mode k in a picture, and whether it grows."""
+        return f"{k}", False
+
+    def _moving(self, k: int) -> tuple[complex, Array, Array]:
+        """Return rate, 1/s, and displacements and spins [N, 3] of mode k as it moves, complex where these have phases."""
+        return 0j, self.displacements[k], self.spins[k]
 
     @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
     def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
@@ -209,7 +219,7 @@ class Modes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
@@ -235,14 +245,17 @@ class Modes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         a = amplitude * float(np.cos(phase))
         rate = -amplitude * (float(self.angular[k]) or 1.0) * float(np.sin(phase))
         x, turn = self.displacements[k], self.spins[k]
         return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
 
+    def _words(self, k: int) -> tuple[str, bool]:
+        what = f"grows, {self.growth[k]:.4g} 1/s" if self.growth[k] else f"{self.frequencies[k]:.5g} Hz"
+        return what if self.squared[k] else "free", bool(self.growth[k])
+
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
         if not (rate.real and rate.imag):
             return rate, x.astype(complex), turn.astype(complex)
@@ -309,6 +322,11 @@ class DampedModes(Motions):
         self.frequencies = self.angular / (2.0 * np.pi)
         self.damping_ratios = np.divide(self.decay, self.undamped, out=np.zeros(rates.size), where=self.undamped > 0.0)
 
+    @property
+    def unstable(self) -> int:
+        """Number of modes that grow, by more than round-off of their rates."""
+        return int(np.sum(self.decay < -GROWS * self.undamped))
+
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """Return a state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the
@@ -328,14 +346,20 @@ class DampedModes(Motions):
         SceneError
             There is no such mode.
         """
-        _check_number(self, k)
+        check_number(self, k)
         a = amplitude * np.exp(1j * phase)
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
                                   np.real(a * rate * turn))
 
+    def _words(self, k: int) -> tuple[str, bool]:
+        grows = bool(self.decay[k] < 0.0)
+        swing = f"{self.frequencies[k]:.5g} Hz, " if self.frequencies[k] else ""
+        rate = f"{'grows' if grows else 'decays'}, {abs(self.decay[k]):.4g} 1/s"
+        rate = f"ratio {self.damping_ratios[k]:.3g}" if swing else rate
+        return swing + rate if self.rates[k] else "free", grows
+
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         return complex(self.rates[k]), self.displacements[k], self.spins[k]
 
     def table(self) -> str:
@@ -354,10 +378,10 @@ class SteadyModes(DampedModes):
     Attributes
     ----------
     whirl : float64 [n]
-        About a spin: 1 for modes that circle the axis forward in that frame, -1 backward, 0 for motions to and fro or along the
-        axis, and for a `Travel`. By share of the kinetic energy.
+        About a spin: 1 for modes that circle the axis forward, in the sense of the spin, as seen from space, -1 backward, 0 for
+        motions to and fro or along the axis, and for a `Travel`. By share of the kinetic energy.
     in_space : float64 [n]
-        Frequency of modes that circle (|whirl| > 0.999) as seen from space, Hz; positive forward. NaN for others.
+        Frequency of modes that circle as seen from space, Hz; positive forward. NaN for others.
     is_complete : bool
         Whether a count of signs confirms that no mode below the last is missing; False where K alone is not stable, as beyond a
         critical speed, or something is damped.
@@ -370,11 +394,6 @@ class SteadyModes(DampedModes):
                  in_space: Array) -> None:
         super().__init__(rates, displacements, spins, slides, residuals, source, info, names, positions, directors)
         self.whirl, self.in_space, self.is_complete = whirl, in_space, bool(info["complete"])
-
-    @property
-    def unstable(self) -> int:
-        """Number of modes that grow."""
-        return int(np.sum(self.decay < 0.0))
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
@@ -395,7 +414,7 @@ class SteadyModes(DampedModes):
         SceneError
             There is no such mode, or beams travel: their nodes stand still while their material passes.
         """
-        _check_number(self, k)
+        check_number(self, k)
         a = amplitude * np.exp(1j * phase)
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]),
@@ -413,6 +432,12 @@ class SteadyModes(DampedModes):
         return "\n".join([*rows, *self._doubts()])
 
 
-def _check_number(modes: Motions, k: int) -> None:
+def check_number(modes: Motions, k: int) -> None:
+    """Check that there is a mode of this number.
+
+    Raises
+    ------
+    SceneError
+    """
     if k >= len(modes):
         raise SceneError(f"mode {k} does not exist: there are {len(modes)}, counted from 0")

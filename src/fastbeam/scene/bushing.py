@@ -35,7 +35,8 @@ class Matrix:
         scaled = found / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
         skew = float(np.max(np.abs(scaled - scaled.T)))
         if skew > 1e-9:
-            raise Refusal(f"must be symmetric, the matrix differs from its transpose by {skew:.3g} of its diagonal")
+            raise Refusal(f"must be symmetric, the matrix differs from its transpose by {skew:.3g} of its diagonal; use a "
+                          "ForceElement for a bearing with cross coupling, which has no energy")
         least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
         if least < -1e-12:
             raise Refusal(f"must not have negative eigenvalues, the smallest is {least:.3g} (after scaling to a unit diagonal)")

@@ -29,6 +29,14 @@ STRAY, LEAST_STRAY = 0.6, 1e-7
 DRIFT = 1e-4
 
 
+def without_potential(model: Model) -> tuple[bool, bool]:
+    """Return whether some loads of a model have no potential in space, and whether laws and moving air have none in a plane
+    either."""
+    turns = any(isinstance(x, (UserForces, ForceElements)) for x in model.links)
+    turns |= model.dragged is not None and model.dragged.turns
+    return bool(np.logical_or.reduce(model.loads.entries[:, 3:6], axis=None)) or bool(model.user_forces) or turns, turns
+
+
 class Counts(NamedTuple):
     """Numbers of negative and zero eigenvalues of a tangent."""
 
@@ -44,10 +52,7 @@ class StaticSolver:
                  strains: ReferenceStrains | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
-        self.moments = bool(np.logical_or.reduce(model.loads.entries[:, 3:6], axis=None))
-        self._turns = any(isinstance(x, (UserForces, ForceElements)) for x in model.links)
-        self._turns |= model.dragged is not None and model.dragged.turns
-        self.moments |= bool(model.user_forces) or self._turns
+        self.moments, self._turns = without_potential(model)
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
                                symmetric=not self.moments, strains=strains)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations

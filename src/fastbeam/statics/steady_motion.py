@@ -271,15 +271,21 @@ class SteadyForces:
 
     def stiffness(self, q: Array) -> Any:
         """Return minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
-        from scipy import sparse
-        x, of = q.reshape(-1, 4, 3), self._map
-        lead = of.rates(q)
-        # a force on a director turns with it: of the moment d x f by a spin, as in the tangent of beams; only the sum of all of
-        # them is symmetric
-        force = (of.ties.T @ self._force(q)).reshape(-1, 4, 3)[:, 1:]
-        d = x[:, 1:]
-        blocks = np.zeros((len(x), 6, 6))
-        blocks[:, 3:, 3:] = (np.einsum("nic,nic->n", force, d)[:, None, None] * np.eye(3) - np.einsum("nic,nie->nce", d, force))
-        n = len(x)
-        turned = sparse.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(6 * n, 6 * n))
-        return (of.rows.T @ turned @ of.rows - self.share * (lead.T @ (self.field.pull @ lead))).tocsr()
+        force = self._force(q)
+        lead = self._map.rates(q)
+        return (turning_stiffness(self._map, q, force) - self.share * (lead.T @ (self.field.pull @ lead))).tocsr()
+
+
+def turning_stiffness(of: RowMap, q: Array, force: Array) -> Any:
+    """Return minus the derivative, by the unknowns of the rows, of moments of constant forces on all coordinates q [12 N], whose
+    directors turn, sparse [m, m]. It is symmetric once the moments of all forces are in equilibrium, as in the tangent of
+    beams."""
+    from scipy import sparse
+    d = q.reshape(-1, 4, 3)[:, 1:]
+    # a force on a director turns with it: of the moment d x f by a spin
+    own = (of.ties.T @ force.reshape(-1)).reshape(-1, 4, 3)[:, 1:]
+    n = len(d)
+    blocks = np.zeros((n, 6, 6))
+    blocks[:, 3:, 3:] = (np.einsum("nic,nic->n", own, d)[:, None, None] * np.eye(3) - np.einsum("nic,nie->nce", d, own))
+    turned = sparse.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(6 * n, 6 * n))
+    return of.rows.T @ turned @ of.rows

@@ -1,4 +1,4 @@
-"""Natural, damped and steady modes, and the response to harmonic loads."""
+"""Natural, damped, steady and buckling modes, and the response to harmonic loads."""
 from fastbeam.interface.lazy_import import public_names
 
 __all__, __getattr__, __dir__ = public_names(__name__)

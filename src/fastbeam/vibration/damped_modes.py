@@ -2,7 +2,7 @@
 
 They are looked for in the span of undamped modes first, where the equation is small and dense, and then improved one by one by
 inverse iteration with the whole matrix at the rate that is known so far, which squares the error. Where damping does not couple
-undamped modes the first step is exact.
+undamped modes the first step is exact. Where K is not symmetric they begin with the vectors of `steady_modes`.
 """
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from fastbeam.linalg.dynamic_stiffness import DynamicStiffness, with_still
 from fastbeam.linalg.eigen import Eigen, SingularError
 from fastbeam.vibration.linearised import Linearisation
+from fastbeam.vibration.steady_modes import steady_modes_of
 
 Array = np.ndarray
 # residual, next to the sum of the sizes of its terms, of what counts as a mode, and of what is improved no more
@@ -40,15 +41,32 @@ class Damped(NamedTuple):
 
 
 def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Damped:
-    """Find the motions that n undamped modes, the first of those found, become.
+    """Find the motions that n undamped modes, the first of those found, become; n motions where K is not symmetric.
 
     Raises SingularError: one of them was not found.
     """
     pencil = found.factors.pencil
     k = pencil.mass.shape[0]
-    n = min(n, found.values.size)
     damping = about.damping()
-    span, frequencies = found.vectors, np.real(found.values)
+    if pencil.is_symmetric:
+        rates, vectors = _begun(found, damping, min(n, found.values.size))
+    else:
+        rates, vectors, *_ = steady_modes_of(about, found, n, backend)
+    pencil = with_still(pencil, np.zeros(k))
+    system = DynamicStiffness(pencil, damping, backend=backend)
+    terms = abs(pencil.stiffness), abs(damping), abs(pencil.mass)
+    scale, least = found.factors.scale, ZERO * float(np.max(np.abs(rates), initial=0.0))
+    out: list[tuple[complex, Array, float]] = []
+    for rate, x in zip(rates, vectors.T):
+        out.append(_improved(system, terms, scale, complex(rate), x.astype(complex), least, out))
+    out = _in_order(out)
+    vectors = np.array([x for _, x, _ in out]).reshape(len(out), pencil.multiplier.size)
+    return Damped(np.array([rate for rate, *_ in out]), vectors.T, np.array([left for *_, left in out]))
+
+
+def _begun(found: Eigen, damping: Any, n: int) -> tuple[Array, Array]:
+    """Solve the equation in the span of undamped modes: rates [m] and vectors [k, m] that belong to the first n modes."""
+    span, frequencies, k = found.vectors, np.real(found.values), damping.shape[0]
     round_off = np.finfo(float).eps * np.max(np.abs(frequencies), initial=0.0)
     frequencies = np.where(np.abs(frequencies) <= round_off, 0.0, frequencies)
     small = span[:k].T @ (damping @ span[:k])
@@ -56,17 +74,8 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     free, size = frequencies == 0.0, np.abs(span[:k])
     small[(np.abs(small) <= ZERO * (size.T @ (abs(damping) @ size))) & (free | free[:, None])] = 0.0
     rates, parts = _projected(np.diag(frequencies), small, n)
-    pencil = with_still(pencil, np.zeros(k))
-    system = DynamicStiffness(pencil, damping, backend=backend)
-    terms = abs(pencil.stiffness), abs(damping), abs(pencil.mass)
-    scale, least = found.factors.scale, ZERO * float(np.max(np.abs(rates), initial=0.0))
-    out: list[tuple[complex, Array, float]] = []
-    for rate, part in zip(rates, parts.T):
-        x = (span @ part).astype(complex)
-        out.append(_improved(system, terms, scale, complex(rate), x, least, out))
-    out = _in_order(out)
-    vectors = np.array([x for _, x, _ in out]).reshape(len(out), pencil.multiplier.size)
-    return Damped(np.array([rate for rate, *_ in out]), vectors.T, np.array([left for *_, left in out]))
+    # one by one: products with several columns round otherwise
+    return rates, np.array([span @ part for part in parts.T]).reshape(rates.size, len(span)).T
 
 
 def _in_order(found: list[tuple[complex, Array, float]]) -> list[tuple[complex, Array, float]]:

@@ -16,6 +16,7 @@ from fastbeam.model.mapping import follow, turned
 from fastbeam.model.maps import RowMap, mass_map
 from fastbeam.model.model import Model
 from fastbeam.model.start import mended
+from fastbeam.statics.equilibrium import without_potential
 from fastbeam.statics.slider_friction import turned_with_sleeves, with_friction
 from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
 from fastbeam.stepping.assembled import Constraints, Equations, SaddleMatrix
@@ -133,6 +134,8 @@ class Linearisation:
         transposed = matrix.T.tocsr()
         skew = (matrix - transposed).tocoo()
         size = np.sqrt(self._diagonal(matrix, keep))
+        if any(without_potential(self.own)):
+            size = np.where(size > 0.0, size, _sizes_off_diagonal(matrix[:, ~multiplier][~multiplier], size[~multiplier], multiplier))
         scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
         within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
         symmetric = not np.any(scaled[within] > SKEW)
@@ -300,14 +303,13 @@ class Linearisation:
         turn = motion.rate * motion.axis
         return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
 
-    def whirl(self, vectors: Array) -> Array:
-        """Return how complex motions [k, m] circle about a spin: kinetic energy of displacements that circle forward less that
-        of those that circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that
-        travel."""
+    def circling(self, vectors: Array) -> Array:
+        """Return how complex motions [k, m] circle about the axis of a spin in its frame: kinetic energy of displacements that
+        circle about it less that of those that circle the other way, as a share of those across the axis [m]; of spins where
+        these are all; NaN where nothing moves across."""
         assert self.steady is not None
         motion = self.steady.motion
-        if not isinstance(motion, Spin):
-            return np.zeros(vectors.shape[1])
+        assert isinstance(motion, Spin)
         one = np.cross(motion.axis, np.eye(3)[np.argmin(np.abs(motion.axis))])
         one /= np.linalg.norm(one)
         two = np.cross(motion.axis, one)
@@ -324,7 +326,7 @@ class Linearisation:
                 across *= across > NOT_ACROSS * float(np.linalg.norm(moves))**2
             # twice the imaginary part of conj(b) a, b ahead of a by a quarter of a turn
             turning = 2.0 * float(np.imag(np.sum((moves @ two).conj() * (product @ one))))
-            out.append(turning / across if across > 0.0 else 0.0)
+            out.append(turning / across if across > 0.0 else np.nan)
         return np.array(out)
 
     # --- what is said about a state ---------------------------------------------------------------------------------------
@@ -348,6 +350,19 @@ class Linearisation:
         forces = np.abs(pencil.stiffness.diagonal()[:self.free.size])
         return 1e-13 * float(np.max(np.where(self._turns(self.free), forces / self.core.length, forces * self.core.length),
                                     initial=0.0))
+
+
+def _sizes_off_diagonal(matrix: Any, size: Array, multiplier: Array) -> Array:
+    """Return sizes of unknowns by the entries beside the diagonal, as of masses without stiffness that a force follows; 0 at
+    multipliers, bool [n]. size: of the diagonal entries [m], 0 where there are none."""
+    from scipy import sparse
+    entries = abs(matrix)
+    entries = entries.maximum(entries.T).tocsr()
+    scaled = (entries @ sparse.diags(np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0))).max(axis=1)
+    found, largest = (np.asarray(x.todense()).reshape(-1) for x in (scaled, entries.max(axis=1)))
+    out = np.zeros(multiplier.size)
+    out[~multiplier] = np.where(found > 0.0, found, np.sqrt(largest))
+    return out
 
 
 def _released(model: Model, moved: Array | None) -> Model:

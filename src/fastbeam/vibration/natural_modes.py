@@ -87,7 +87,9 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         planar=True.
     damped : bool
         The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
-        dampers in joints, viscous and smoothed friction and drives of sliders, laws of forces that depend on velocities.
+        dampers in joints, viscous and smoothed friction and drives of sliders, laws of forces that depend on velocities. Where
+        the stiffness is not symmetric, as with cross-coupled bearings, follower loads and moments with fixed axes, the n slowest
+        motions, by |r|: `.unstable` counts those that grow (flutter, divergence).
     steady : Spin or Travel, optional
         About a steady motion (theory.md 17): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
         supports belong to the frame that spins, or stand where beams travel. With the damping that the scene has.
@@ -98,7 +100,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     Modes, DampedModes or SteadyModes
         `.frequencies` (Hz), `.angular` (rad/s), `.growth`, `.displacements`, ..., `.state(k, amplitude)`; fewer than n where
         there are no more. With damped=True `.rates` (complex, 1/s), `.frequencies`, `.damping_ratios`, `.decay`, ...;
-        with steady= these and `.whirl`, `.in_space`.
+        with steady= these and `.whirl`, `.in_space`, in which forward is the sense of the spin.
 
     Raises
     ------
@@ -136,9 +138,6 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
         return _modes_of(about, found), found
     require(Analysis.DAMPED, model)
     found = equilibrium_of("modes", about, n + MORE, backend, state)
-    if not found.factors.pencil.is_symmetric:
-        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments with fixed axes, follower loads, laws "
-                         "and moving air exclude; find the modes of the scene without them, or run in time")
     try:
         return _damped_modes_of(about, damped_of(about, found, n, backend)), found
     except SingularError:
@@ -254,14 +253,18 @@ def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, l
 def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, steady: Spin | Travel) -> SteadyModes:
     """Form steady modes, with the frequencies that they have as seen from space."""
     damped = _damped_modes_of(about, Damped(*found[:3]))
-    whirl = about.whirl(found.vectors[:about.free.size])
-    rate = steady.rate if isinstance(steady, Spin) else 0.0
-    seen = (np.sign(whirl) * damped.angular + rate) / (2.0 * np.pi)
+    whirl, in_space = np.zeros(len(damped)), np.full(len(damped), np.nan)
+    if isinstance(steady, Spin):
+        # of what circles about the axis with the angular frequency w in the frame, w + rate is seen from space
+        share = about.circling(found.vectors[:about.free.size])
+        forward = -1.0 if steady.rate < 0.0 else 1.0
+        seen = forward * (steady.rate + np.array([[1.0], [-1.0]]) * damped.angular)
+        whirl = np.where(np.isnan(share), 0.0, 0.5 * np.sum((1.0 + np.array((share, -share))) * np.sign(seen), axis=0))
+        in_space = np.where(np.abs(share) > CIRCLES, np.where(share > 0.0, *seen), np.nan) / (2.0 * np.pi)
     info = damped.info | {"method": "modes about a steady motion", "steady": repr(steady), "complete": found.is_complete,
                           "unstable_at_rest": int(np.sum(np.real(at_rest.values) < 0.0))}
     return SteadyModes(damped.rates, damped.displacements, damped.spins, damped.slides, damped.residuals, about, info,
-                       damped.names, damped.positions, damped.directors, whirl,
-                       np.where(np.abs(whirl) > CIRCLES, seen, np.nan))
+                       damped.names, damped.positions, damped.directors, whirl, in_space)
 
 
 def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:

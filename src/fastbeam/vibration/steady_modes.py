@@ -1,4 +1,5 @@
-"""Small motions x e^(r t) about a steady motion, (K + r (C + G) + r^2 M) x = 0, G skew (theory.md 17).
+"""Small motions x e^(r t) about a steady motion, (K + r (C + G) + r^2 M) x = 0, G skew (theory.md 17); without G those about an
+equilibrium whose K is not symmetric (theory.md 14).
 
 Krylov vectors of the inverse at a real rate near zero, of positions and velocities together, in blocks and all of them kept. For
 each rate found the vector follows from one more solution, and the rate from that vector once more, by the quadratic equation
@@ -10,19 +11,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.linalg.eigen import BLOCK, NOISE, Eigen, Pencil, Shifted, SingularError, grown
-from fastbeam.linalg.orthonormal import orthonormal
+from fastbeam.linalg.arnoldi import nearest
+from fastbeam.linalg.eigen import BLOCK, NOISE, Eigen, Pencil, Shifted, SingularError, grown, satisfied
 from fastbeam.vibration.linearised import Linearisation
 
 Array = np.ndarray
 # the real rate beside which vectors are looked for, as a share of the square root of the largest of the lowest eigenvalues of K
 NEXT_TO = 0.5
-# residual of a Ritz pair, and of a motion next to the sum of the sizes of its terms, up to which it counts
-CONVERGED, GOOD = 1e-11, 1e-7
+# residual of a motion next to the sum of the sizes of its terms, up to which it counts
+GOOD = 1e-7
 # rates that are zero, next to what round-off of the stiffness may make of one, and real or imaginary, next to their size
 ZERO, FLAT = 10.0, 1e-9
-# growth of the number of Krylov vectors between two looks at what they give
-GROWTH = 1.15
+# rates that are infinite, next to the largest of the others
+INFINITE = 1e4
 # frequencies between which motions are counted differ by this share
 DISTINCT = 1e-6
 
@@ -42,7 +43,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     damping = about.damping()
     if damping.nnz and not np.any(damping.data):
         damping.eliminate_zeros()
-    against = (about.coriolis() + damping).tocsr()
+    against = damping if about.steady is None else (about.coriolis() + damping).tocsr()
     shift = NEXT_TO * float(np.sqrt(np.max(np.abs(found.values), initial=0.0)))
     if not shift > 0.0:
         raise SingularError
@@ -55,10 +56,18 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     rates, u = _krylov(factors, with_rate, pencil.mass, shift, n)
     conserves = pencil.is_symmetric and damping.nnz == 0
     out: list[tuple[complex, Array, float]] = []
+    is_every = rates.size < wanted(n)
     for rate, x in zip(rates, u.T):
-        out.append(_improved(pencil, against, factors, with_rate, shift, rate, x, conserves))
+        try:
+            out.append(_improved(pencil, against, factors, with_rate, shift, rate, x, conserves))
+        except SingularError:
+            # constraints make some infinite ones
+            if abs(rate) <= INFINITE * max([shift, *(abs(known) for known, *_ in out)]):
+                raise
+            is_every = True
+            break
     out = _one_of_pairs(out)
-    if len(out) < n and 2 * len(out) < 2 * k:
+    if len(out) < n and not (is_every or len(out) >= k):
         raise SingularError
     out = out[:n]
     found_rates = np.array([rate for rate, *_ in out], complex)
@@ -68,9 +77,13 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
                        definite and _counted(pencil, against, found_rates, backend))
 
 
+def wanted(n: int) -> int:
+    """Return the number of rates to look for: both of each of n pairs, and some more."""
+    return 2 * n + 4
+
+
 def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -> tuple[Array, Array]:
     """Find rates and vectors [k, m] of the motions with rates next to the shift, both of each pair."""
-    from scipy import sparse
     k = mass.shape[0]
     whole = factors.pencil.multiplier.size
     scale = factors.scale[:k]
@@ -86,37 +99,13 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
         x = -solved(with_rate @ u + shift * (mass @ w))
         return np.concatenate((x / scale[:, None], z[:k] / shift))
 
-    wanted = 2 * n + 4
-    most = min(2 * k, 12 * n + 240)
-    basis = np.zeros((2 * k, most + 2 * BLOCK), order="F")
-    h = np.zeros((most + 2 * BLOCK,) * 2)
     draw = np.random.default_rng(0)
-    unit = sparse.identity(2 * k, format="csr")
-    block = orthonormal(applied(applied(draw.standard_normal((2 * k, BLOCK)))), basis[:, :0], unit).q
-    m, look = 0, min(wanted + 2 * BLOCK, most)
-    while True:
-        b = block.shape[1]
-        basis[:, m:m + b] = block
-        known = basis[:, :m + b]
-        block, _, remainder, h[:m + b, m:m + b] = orthonormal(applied(block), known, unit)
-        m += b
-        h[m:m + len(remainder), m - b:m] = remainder
-        if m >= look or not block.shape[1] or m + BLOCK > most:
-            look = int(GROWTH * m)
-            values, y = np.linalg.eig(h[:m, :m])
-            y = y / np.linalg.norm(y, axis=0)
-            error = np.linalg.norm(remainder @ y[m - b:], axis=0) if remainder.size else np.zeros(m)
-            live = np.abs(values) > 1e-13 * np.max(np.abs(values))
-            rates = np.where(live, shift + 1.0 / np.where(live, values, 1.0), np.inf)
-            order = np.argsort(np.abs(rates))[:min(wanted, int(live.sum()))]
-            done = bool(np.all(error[order] <= CONVERGED * np.abs(values[order])))
-            if done or not block.shape[1] or m + BLOCK > most:
-                break
-    if not (done or not block.shape[1] or m >= 2 * k - BLOCK):
+    found = nearest(applied, applied(applied(draw.standard_normal((2 * k, BLOCK)))), shift, wanted(n),
+                    min(2 * k, 12 * n + 240), np.abs)
+    if not (found.is_converged or found.parts.shape[0] >= 2 * k - BLOCK):
         raise SingularError
     # vectors of pairs are conjugate to the last bit where the projected matrix is real
-    u = (basis[:k, :m] @ y[:, order]) * scale[:, None]
-    return rates[order], u
+    return found.values, (found.basis[:k] @ found.parts) * scale[:, None]
 
 
 def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, shift: float, rate: complex, x: Array,
@@ -157,7 +146,7 @@ def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, sh
     terms[:k] += abs(rate) * (abs(against) @ np.abs(x)) + abs(rate)**2 * (abs(mass) @ np.abs(x))
     scale = factors.scale
     residual = float(np.linalg.norm(scale * left) / max(float(np.linalg.norm(scale * terms)), 1e-300))
-    if not residual <= GOOD:
+    if not residual <= GOOD or not satisfied(pencil, scale, whole[:, None])[0]:
         raise SingularError
     return rate, whole, residual
 

@@ -58,8 +58,9 @@ class UserLaws(Feature):
              "{who}: {name} has a user-defined law, whose force between two times of at_time= is not determined by these times",
              "give one time, or write it as a load with follower=True", lambda laws, asked: laws.pathless),
         timed_loads(lambda laws, asked: [label_of(x) for x in laws.forces if getattr(x, "time", None) is not None]),
-        Lack((Analysis.STEADY,), "user forces", "{who}: steady motions do not support {name}", "leave it out",
-             lambda laws, asked: laws.labels),
+        Lack((Analysis.STEADY,), "user forces", "{who}: steady motions do not support {name}, whose law acts in space while they "
+             "are seen from a frame of their own", "use a Bushing for a bearing that is alike to all sides, or "
+             "modes(damped=True) at rest with the gyroscopic moments as a law", lambda laws, asked: laws.labels),
         Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives do not support {name}",
              "use loads with fixed direction, or differences of equilibria", lambda laws, asked: laws.labels),
         without_adjoint("user forces", lambda laws, asked: laws.labels))

@@ -14,7 +14,7 @@ import numpy as np
 from fastbeam.interface.arguments import Count, FilePath, Flag, Instance, Listing, Number, Refusal, checked, whole
 from fastbeam.interface.errors import BackendError, ResultFileError, SceneError
 from fastbeam.interface.paths import check_new
-from fastbeam.results.mode_shapes import FRAMES, MOST_FRAMES, SIZE, DampedModes, Modes, Motion
+from fastbeam.results.mode_shapes import FRAMES, MOST_FRAMES, SIZE, Motion, Motions
 from fastbeam.results.plots.drawing import (
     COLOURS,
     PLANE,
@@ -25,13 +25,12 @@ from fastbeam.results.plots.drawing import (
     panel_figure,
     put_title,
     space_axes,
-    words_of_mode,
 )
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 
 SUFFIXES = (".gif", ".mp4")
-SHOWN = Instance((Result, Modes, DampedModes), "a Result or Modes", "what simulate, solve_static, load_result and modes return")
+SHOWN = Instance((Result, Motions), "a Result or Modes", "what simulate, solve_static, load_result and modes return")
 # modes of a film of which nothing else is said, as `plot_modes` draws
 SOME, MOST = 6, 48
 
@@ -60,7 +59,7 @@ class Film(Protocol):
 
 @checked(result=SHOWN, path=FilePath(), plane=PLANE, fps=Number(above=0.0, most=120.0, unit="1/s"), speed=Number(above=0.0),
          mode=which_modes, amplitude=SIZE, frames=FRAMES, decay=Flag(), overwrite=Flag(), progress=Flag())
-def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, plane: str = "auto", fps: float = 20.0,
+def animate(result: Result | Motions, path: str | PathLike[str], *, plane: str = "auto", fps: float = 20.0,
             speed: float | None = None, mode: int | Sequence[int] | None = None, amplitude: float | None = None,
             frames: int | None = None, decay: bool | None = None, overwrite: bool = False,
             progress: bool | None = None) -> None:
@@ -199,7 +198,7 @@ class ModeFilm:
     Raises SceneError: there is no such mode.
     """
 
-    def __init__(self, modes: Modes | DampedModes, plane: str, which: Sequence[int], amplitude: float, n: int,
+    def __init__(self, modes: Motions, plane: str, which: Sequence[int], amplitude: float, n: int,
                  decay: bool) -> None:
         if not which:
             raise SceneError("animate: there are no modes to show")
@@ -221,7 +220,7 @@ class ModeFilm:
         self._take(0)
         self.lines = []
         for j, (k, axes) in enumerate(zip(self.which, self.panels)):
-            what, grows = words_of_mode(self.modes, k)
+            what, grows = self.modes._words(k)
             for line in shapes.draw(axes, 0, "0.8"):
                 line.set_zorder(0)
             self.lines.append(shapes.draw(axes, 1 + j, COLOURS[1] if grows else COLOURS[0]))

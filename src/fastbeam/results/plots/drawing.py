@@ -14,7 +14,6 @@ import numpy as np
 from fastbeam.interface.arguments import Instance, Word
 from fastbeam.interface.errors import BackendError, SceneError
 from fastbeam.results.lines import Lines
-from fastbeam.results.mode_shapes import DampedModes, Modes
 from fastbeam.results.result import Result
 
 if TYPE_CHECKING:
@@ -215,18 +214,6 @@ def panel_figure(n: int, points: np.ndarray, plane: str) -> tuple[Figure, list[A
                 axis.set_ticklabels([])
                 axis.labelpad = -8.0
     return figure, panels
-
-
-def words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
-    """Return the title of a mode, and whether it grows."""
-    if isinstance(modes, DampedModes):
-        grows = bool(modes.decay[k] < 0.0)
-        swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
-        rate = f"{'grows' if grows else 'decays'}, {abs(modes.decay[k]):.4g} 1/s"
-        rate = f"ratio {modes.damping_ratios[k]:.3g}" if swing else rate
-        return swing + rate if modes.rates[k] else "free", grows
-    what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
-    return what if modes.squared[k] else "free", bool(modes.growth[k])
 
 
 def put_title(axes: Any, text: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import Count, Flag, Instance, Word, checked
 from fastbeam.interface.errors import SceneError
-from fastbeam.results.mode_shapes import SIZE, DampedModes, Modes, size_of
+from fastbeam.results.mode_shapes import SIZE, Motions, size_of
 from fastbeam.results.plots.drawing import (
     A_RESULT,
     COLOURS,
@@ -29,7 +29,6 @@ from fastbeam.results.plots.drawing import (
     space_axes,
     styled,
     time_bar,
-    words_of_mode,
 )
 from fastbeam.results.responses import FrequencyResponse
 from fastbeam.results.result import Result
@@ -44,7 +43,7 @@ FLOOR = 1e-17
 ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
             ("total", "black"))
 SHAPES = Count(most=1000)
-SOME_MODES = Instance((Modes, DampedModes), "Modes", "what modes returns")
+SOME_MODES = Instance(Motions, "Modes", "what modes returns")
 A_RESPONSE = Instance(FrequencyResponse, "a FrequencyResponse", "what frequency_response returns")
 DRIFTS = (("total", "total energy", "black"), ("balance", "energy balance", COLOURS[3]),
           ("lin_mom", "linear momentum", COLOURS[0]),
@@ -206,7 +205,7 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
 
 @checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=SIZE)
 @styled
-def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
+def plot_modes(modes: Motions, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
     """Draw n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the
     shape at phase 0.
 
@@ -235,7 +234,7 @@ def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, firs
                            directors=np.broadcast_to(modes.directors, (len(positions), *modes.directors.shape))))
     figure, panels = panel_figure(len(picks), shapes.everything, plane)
     for j, (k, axes) in enumerate(zip(picks, panels)):
-        what, grows = words_of_mode(modes, k)
+        what, grows = modes._words(k)
         colour = COLOURS[1] if grows else COLOURS[0]
         shapes.draw(axes, 0, "0.75")
         for line in shapes.draw(axes, 1 + 2 * j, colour):

@@ -144,24 +144,57 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     Interrupted
         By Ctrl-C; carries the same.
     """
-    check_model("solve_path", model)
-    stays = held_sliders(model, held)
-    require(Analysis.PATH, model, held=stays)
-    if at_time is None or isinstance(at_time, tuple):
-        require(Analysis.TIMELESS_SHAPES, model, "solve_path", stays)
-    check_backend(backend)
+    begun = begin_path("solve_path", model, start, load_factor, at_time, held, moves, prestrains, backend, max_iterations)
     step = _first_step(to, load_factor, step, largest_step, smallest_step)
-    growing = _growing(model, stays, at_time, moves, prestrains)
-    start, notes = _checked_start(model, start, growing, branch, side)
-    task = _Task(model, start, load_factor, stays, max_iterations, backend, growing)
-    solver, aside = task.first_solver(at_time)
-    path = PathWalk(model, solver, points, step, largest_step, smallest_step, most_points, observe,
+    if branch is not None and side is not None:
+        raise SceneError("branch: give side= or branch=, not both")
+    for name, value in (("branch", branch), ("side", side)):
+        if value is not None and start is None:
+            raise SceneError(f"{name}: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
+                             "load_factor=")
+    path = PathWalk(model, begun.solver, points, step, largest_step, smallest_step, most_points, observe,
                     wanted_of(model, stop, points))
-    path.aside = aside
-    for kind, text in notes:
+    path.aside = begun.aside
+    for kind, text in begun.notes:
         path.buffer.event({"kind": kind, "time": 0.0, "text": text})
-    growing.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
+    begun.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
+
+
+class Begun(NamedTuple):
+    """Beginning of a path of equilibria."""
+
+    solver: PathSolver
+    aside: str                       # why critical points out of the plane are not known; empty where they are, or in space
+    notes: list[tuple[str, str]]     # kinds and texts of events of the start
+    strains: ReferenceStrains
+
+
+def begin_path(who: str, model: Model, start: State | None, load_factor: float, at_time: float | tuple[float, float] | None,
+               held: bool | str | Sequence[str], moves: Mapping[Support, ArrayLike] | None,
+               prestrains: Mapping[Beam, float] | None, backend: str, max_iterations: int = 15) -> Begun:
+    """Check what grows with a load factor, as `solve_path` is given it, and put a solver to the start.
+
+    Parameters
+    ----------
+    who : str
+        Name of the analysis in messages.
+
+    Raises
+    ------
+    SceneError
+        An argument is not usable, or something is held by nothing.
+    """
+    check_model(who, model)
+    stays = held_sliders(model, held)
+    require(Analysis.PATH, model, who, stays)
+    if at_time is None or isinstance(at_time, tuple):
+        require(Analysis.TIMELESS_SHAPES, model, who, stays)
+    check_backend(backend)
+    growing = _growing(who, model, stays, at_time, moves, prestrains)
+    start, notes = _checked_start(who, model, start, growing)
+    task = _Task(who, model, start, load_factor, stays, max_iterations, backend, growing)
+    return Begun(*task.first_solver(at_time), notes, growing.strains)
 
 
 class _Growing(NamedTuple):
@@ -179,6 +212,7 @@ class _Growing(NamedTuple):
 class _Task:
     """Task of a path, its arguments tested."""
 
+    who: str
     model: Model
     start: State | None
     load_factor: float
@@ -196,8 +230,8 @@ class _Task:
             begin = model.q0 if self.start is None else self.start.q
             found.motion = StaticShift(found.stepper.model, grows.moved, begin, self.load_factor)
         if grows.rides is not None:
-            ride = SupportPath(found.stepper.model, found.state, True, grows.rides, "solve_path")
-            ride.check_stands("solve_path", factor, coordinates_of(found.stepper, ride.own))
+            ride = SupportPath(found.stepper.model, found.state, True, grows.rides, self.who)
+            ride.check_stands(self.who, factor, coordinates_of(found.stepper, ride.own))
             if grows.rides[0] != grows.rides[1]:
                 found.motion = ride
         return found
@@ -216,13 +250,13 @@ class _Task:
         solver = self.solver(self.start, self.load_factor,
                              False if may_leave and leave_plane(model, self.growing.moved) else None)
         if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
-            raise SceneError("solve_path: user forces that do not grow act at the start, which is not an equilibrium: give the "
-                             "equilibrium under them as start=, or use grows=True for loads")
+            raise SceneError(f"{self.who}: user forces that do not grow act at the start, which is not an equilibrium: begin "
+                             "with the equilibrium under them, or use grows=True for loads")
         flat = solver.stepper.plane is not None
         check_supports(model, flat)
         if model.motions is not None:
             for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
-                model.motions.check_stays("solve_path", solver.state, model.place("motions"), t)
+                model.motions.check_stays(self.who, solver.state, model.place("motions"), t)
         aside = free_aside(model) if flat and may_leave else ""
         if aside:
             return solver, (f"nothing supports the scene in its plane, {aside}: critical points and unstable directions are "
@@ -248,7 +282,8 @@ def _first_step(to: float, load_factor: float, step: float, largest_step: float,
     return step
 
 
-def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | None, moves: Any, prestrains: Any) -> _Growing:
+def _growing(who: str, model: Model, stays: Array, at_time: float | tuple[float, float] | None, moves: Any,
+             prestrains: Any) -> _Growing:
     """Collect what changes with the load factor.
 
     Raises
@@ -257,26 +292,26 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
         Nothing changes, or one of the arguments is not usable.
     """
     stays_put = moves is None and prestrains is None
-    rides = _rides(model, at_time, moves, stays_put)
+    rides = _rides(who, model, at_time, moves, stays_put)
     # laws that do not grow act in full, as springs do
     by_laws, drives = laws_grow(model), model.slider_forces
     pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
     if stays_put and not np.any(model.loads.entries) and not by_laws and not pushed and rides is None:
-        raise SceneError("solve_path: the scene has no loads to scale; add a Load, a DistributedLoad or gravity, use "
+        raise SceneError(f"{who}: the scene has no loads to scale; add a Load, a DistributedLoad or gravity, use "
                          "UserForce(grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: "
                          "-0.01}")
-    moved = {} if moves is None else _moves(model, moves)
-    strains = ReferenceStrains() if prestrains is None else _prestrains(model, prestrains)
-    laws = law_path("solve_path", model, at_time, stays_put)
+    moved = {} if moves is None else _moves(who, model, moves)
+    strains = ReferenceStrains() if prestrains is None else _prestrains(who, model, prestrains)
+    laws = law_path(who, model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
-        factors = load_path("solve_path", model, at_time, by_laws and laws.moves or rides is not None)
+        factors = load_path(who, model, at_time, by_laws and laws.moves or rides is not None)
     else:
-        stay = load_factors_at("solve_path", model, at_time)
+        stay = load_factors_at(who, model, at_time)
         factors = stay, np.zeros_like(stay)
     return _Growing(factors, laws, by_laws or pushed, moved, strains, rides)
 
 
-def _checked_start(model: Model, start: State | None, growing: _Growing, branch: int | None, side: int | None
+def _checked_start(who: str, model: Model, start: State | None, growing: _Growing
                    ) -> tuple[State | None, list[tuple[str, str]]]:
     """Check a start; return it and its events.
 
@@ -286,34 +321,29 @@ def _checked_start(model: Model, start: State | None, growing: _Growing, branch:
         It is missing, or is none.
     """
     if start is None and (np.any(growing.factors[0]) and np.any(model.loads.entries) or growing.acts and growing.laws.begins):
-        raise SceneError("solve_path: the start carries loads already; give the equilibrium to begin from, as in "
-                         "start=solve_static(model, at_time=...).state")
+        raise SceneError(f"{who}: the start carries loads already; give the equilibrium to begin from, "
+                         "solve_static(model, at_time=...).state")
     notes: list[tuple[str, str]] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, at_rest=True)
-    if branch is not None and side is not None:
-        raise SceneError("branch: give side= or branch=, not both")
-    for name, value in (("branch", branch), ("side", side)):
-        if value is not None and start is None:
-            raise SceneError(f"{name}: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
-                             "load_factor=")
     return start, notes
 
 
-def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any, grow: bool) -> tuple[float, float] | None:
+def _rides(who: str, model: Model, at_time: float | tuple[float, float] | None, moves: Any, grow: bool
+           ) -> tuple[float, float] | None:
     """Return times at load factors 0 and 1 at which supports that move are where their functions have them; None where they
     stay."""
     if model.prescribed is None or at_time is None:
         return None
     if isinstance(at_time, tuple):
         if moves is not None:
-            raise SceneError(f"solve_path: {model.prescribed.motions[0].label} moves between the times of at_time=, and supports "
+            raise SceneError(f"{who}: {model.prescribed.motions[0].label} moves between the times of at_time=, and supports "
                              "in moves= with the load factor too; give one time, or leave moves out")
         return at_time
     return (0.0, at_time) if grow else (at_time, at_time)
 
 
-def _moves(model: Model, moves: Any) -> dict[int, Array]:
+def _moves(who: str, model: Model, moves: Any) -> dict[int, Array]:
     """Return displacements and rotation vectors of nodes that supports hold, (6,) each.
 
     Raises
@@ -321,28 +351,28 @@ def _moves(model: Model, moves: Any) -> dict[int, Array]:
     SceneError
     """
     if not isinstance(moves, Mapping) or not moves:
-        raise SceneError("solve_path, moves: must be a mapping {support or its node: displacement (3,) in m, or (6,) with a "
+        raise SceneError(f"{who}, moves: must be a mapping {{support or its node: displacement (3,) in m, or (6,) with a "
                          f"rotation vector in rad}}, got {shown(moves)}")
     held, out = standing_supports(model), {}
     for what, value in moves.items():
         vector = numbers(value)
         if vector is None or vector.shape not in ((3,), (6,)) or not np.all(np.abs(vector) <= LARGEST):
-            raise SceneError(f"solve_path, moves: displacement of {shown(what)} must be 3 finite numbers, m, or 6 with a "
+            raise SceneError(f"{who}, moves: displacement of {shown(what)} must be 3 finite numbers, m, or 6 with a "
                              f"rotation vector, rad, got {shown(value)}")
         vector = np.concatenate((vector, np.zeros(6 - vector.size)))
         turns = vector[3:].any()
         axes = int(np.sum(np.array([1, 2, 4])[vector[:3] != 0.0]))
         if axes or turns:
-            node = supported("solve_path: moves=", model, what, held, axes)
+            node = supported(f"{who}: moves=", model, what, held, axes)
             if turns:
-                check_turned("solve_path: moves=", model, node, held)
+                check_turned(f"{who}: moves=", model, node, held)
             out[node] = vector
     if not out:
-        raise SceneError("solve_path, moves: all displacements and turns are zero, got " + shown(moves))
+        raise SceneError(f"{who}, moves: all displacements and turns are zero, got " + shown(moves))
     return out
 
 
-def _prestrains(model: Model, prestrains: Any) -> ReferenceStrains:
+def _prestrains(who: str, model: Model, prestrains: Any) -> ReferenceStrains:
     """Return reference strains whose prestrains change until load factor 1.
 
     Raises
@@ -351,16 +381,16 @@ def _prestrains(model: Model, prestrains: Any) -> ReferenceStrains:
         No mapping of beams of the scene to finite numbers, or all are zero.
     """
     if not isinstance(prestrains, Mapping) or not prestrains:
-        raise SceneError(f"solve_path, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
+        raise SceneError(f"{who}, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
     out = []
     for beam, value in prestrains.items():
-        span = span_of("solve_path, prestrains", model, beam)
+        span = span_of(f"{who}, prestrains", model, beam)
         number = real(value)
         if number is None or not LEAST <= beam.start_strain[0] + number <= MOST:
-            raise SceneError(f"solve_path, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
+            raise SceneError(f"{who}, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
                              f"{shown(value)} at load factor 1; it must be a number from {LEAST:g} to {MOST:g}")
         if number:
             out.append((span, number))
     if not out:
-        raise SceneError(f"solve_path, prestrains: all changes are zero, got {shown(prestrains)}")
+        raise SceneError(f"{who}, prestrains: all changes are zero, got {shown(prestrains)}")
     return ReferenceStrains(out)

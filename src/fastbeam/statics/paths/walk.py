@@ -39,6 +39,8 @@ AT_END = 1e-3
 # a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
 LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
+# a load factor that is so many times farther off than a path has come is too large for its steps
+FAR = 10.0
 # message about loads without a potential
 FLUTTER = ("follower loads, laws, moving air and moments with fixed axes have no potential. Only real eigenvalues are counted "
            "here; growing vibrations (flutter) are found by fb.modes(model, state=result.state, load_factor=...) only")
@@ -200,8 +202,13 @@ class PathWalk:
                 return
             along, self.unstable = step.after, step.counted
             self._lengthen(step.iterations)
-        text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; continue from "
-                "result.state with load_factor=, or increase most_points")
+        text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; ")
+        if abs(solver.factor - to) > FAR * abs(solver.factor - first[3]):
+            # a step changes the load factor by its length at most
+            text += ("scale the loads such that load factors are of the size of 1: critical_loads(model) gives the factors at "
+                     "which the scene buckles")
+        else:
+            text += "continue from result.state with load_factor=, or increase most_points"
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
 
     def _taken(self, before: tuple[Any, ...], along: Direction) -> _Step | None:
