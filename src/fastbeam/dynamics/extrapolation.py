@@ -38,12 +38,7 @@ def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
 
 
 def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any) -> None:
-    """Refuse options that need one state on the way.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse options that need one state on the way. Raises SceneError."""
     given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint)) if x is not None]
     if given:
         raise SceneError(f"{given[0]}: {WHICH}, and has no {given[0]} for the extrapolated run; leave it out, or use order=2")
@@ -104,15 +99,8 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     """Return the result of order 4: every row is linear in those of the two runs, so that it conserves what they conserve,
     balance and momenta.
 
-    Parameters
-    ----------
-    coarse, fine : Result
-        Runs with steps `step` and half of it, s.
-
-    Raises
-    ------
-    ConvergenceError
-        One of them ended before t_end.
+    coarse, fine: runs with steps `step` and half of it, s.
+    Raises ConvergenceError: one of them ended before t_end.
     """
     for run in (coarse, fine):
         if run.state is None or run.t[-1] != t_end:
@@ -160,12 +148,8 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, output: O
     """Return the error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and
     says so; it is written to the file that was asked for.
 
-    Parameters
-    ----------
-    runs : list of Result
-        Runs that are complete.
-    step : float
-        Step of the first run, s.
+    runs: runs that are complete.
+    step: step of the first run, s.
     """
     result = getattr(error, "result", None) or (runs[-1] if runs else None)
     if not isinstance(result, Result):

@@ -30,12 +30,7 @@ def filter_factors(rho_inf: float) -> tuple[float, float, float]:
 
 
 def check_filtered(order: int, model: Model, observe: Any) -> None:
-    """Refuse options that filters do not support.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse options that filters do not support. Raises SceneError."""
     if order != 2:
         raise SceneError("rho_inf: filters limit the order to 2, because the dissipated energy has odd powers of the step; use "
                          "order=2, or leave rho_inf out")
@@ -61,10 +56,7 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], s
 class FilteringStepper(Stepper):
     """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run.
 
-    Attributes
-    ----------
-    lost : float64 [2]
-        Energies dissipated since the start and stored in the filters, J.
+    lost: float64 [2], energies dissipated since the start and stored in the filters, J.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None, max_iterations: int, backend: str, method: Any,

@@ -70,10 +70,7 @@ class Awaited:
 class Locking:
     """Locks and releases of all sliders of a model; `State.history` keeps those that are done.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
+    model: Model with tables in space.
     """
 
     def __init__(self, model: Model) -> None:
@@ -263,12 +260,8 @@ class Locking:
     def behind(self, state: State, t: float, slack: float, found: Sequence[Awaited] = ()) -> tuple[State, list[dict[str, Any]]]:
         """Return the state behind all that is due at time t, and events.
 
-        Parameters
-        ----------
-        slack : float
-            Events that are due within this time, s, are due now.
-        found : sequence of Awaited
-            Conditions that hold, located by the caller.
+        slack: events that are due within this time, s, are due now.
+        found: conditions that hold, located by the caller.
         """
         events = []
         due = [*found, *self.lifting]

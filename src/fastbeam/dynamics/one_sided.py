@@ -37,12 +37,8 @@ class Place:
 class Finder:
     """Search for the places of points beside their beams.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    work : Contact
-        Work arrays.
+    model: Model with tables in space.
+    work: work arrays.
     """
 
     def __init__(self, model: Model, work: Contact) -> None:

@@ -43,12 +43,7 @@ class Reactions:
     Forces of supports act on what they hold, those of joints on side b, those of sections on the part before them. Moments are
     about the node of the support, for joints about that of side a, for sections about these, N and N m.
 
-    Parameters
-    ----------
-    stepper : Stepper
-        Stepper with the conserving step, or in statics; its state is left alone.
-    static : bool
-    sections : sequence of Sections or None
+    stepper: stepper with the conserving step, or in statics; its state is left alone.
     """
 
     def __init__(self, stepper: Stepper, static: bool = False, sections: Sequence[Sections | None] = ()) -> None:
@@ -110,14 +105,9 @@ class Reactions:
     def of_step(self, before: State, middle: Array, second: Array, t: float, h: float) -> Array:
         """Return means over the step that the stepper has just taken, [6 (R + C)].
 
-        Parameters
-        ----------
-        before : State
-            State at the begin of the step, as the tables of the run have it.
-        middle, second : float64 [N, 4, 3]
-            Coordinates in its middle, and their mean second rates.
-        t, h : float
-            Begin and size of the step, s.
+        before: state at the begin of the step, as the tables of the run have it.
+        middle, second: float64 [N, 4, 3], coordinates in its middle, and their mean second rates.
+        t, h: begin and size of the step, s.
         """
         own = self.own
         factors = np.ones(len(own.model.load_times))

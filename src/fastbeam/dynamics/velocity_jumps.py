@@ -55,15 +55,10 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     which counts as theirs. Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, else they
     leave it.
 
-    Parameters
-    ----------
-    k : int or None
-        Number of a slider; -1 - i: coordinate i of joints that may stick; None: a support.
-    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
-    change : float64 [m]
-        m/s, of joints and supports m/s or rad/s.
-    rest : dict, optional
-        Coordinates of joints that come to rest at stops, and on which side.
+    k: number of a slider; -1 - i: coordinate i of joints that may stick; None: a support.
+    lead: float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N].
+    change: float64 [m], m/s, of joints and supports m/s or rad/s.
+    rest: coordinates of joints that come to rest at stops, and on which side.
     """
     equations = Equations(model, state, k, lead, change)
     history = state.history.copy()
@@ -108,12 +103,8 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
     At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
     takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
 
-    Parameters
-    ----------
-    k, lead
-        As in `jump`, for a slider.
-    change : callable
-        The change of rates from a state.
+    k, lead: as in `jump`, for a slider.
+    change: the change of rates from a state.
     """
     start = of_momenta(model, state)
     begin, before = start, 0.0
@@ -150,16 +141,9 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     The velocity of k along its beam is -restitution times the one before, see `jump`, or zero where that leads away from the stop
     already. The energy that is lost goes to the history of the slider.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    state : State
-        State with sliding points on their curves.
-    k : int
-    at_end : bool
-        Whether the stop is the one towards the end of the beam.
-    restitution : float
+    model: Model with tables in space.
+    state: state with sliding points on their curves.
+    at_end: whether the stop is the one towards the end of the beam.
     """
     side, gaps = 1.0 if at_end else -1.0, ConstraintGaps(model).at(state.q, state.s)
 
@@ -236,32 +220,19 @@ def values_of(model: Model, state: State) -> Array:
 
 
 class Least(NamedTuple):
-    """Jump of least kinetic energy.
+    """Jump of least kinetic energy."""
 
-    Attributes
-    ----------
-    by : float64 [12 N]
-        Changes of the rates of all coordinates.
-    impulses : float64 [m]
-    rows : sparse [m, 12 N]
-        Directions in which the impulses act.
-    """
-
-    by: Array
-    impulses: Array
-    rows: Any
+    by: Array  # float64 [12 N]: changes of the rates of all coordinates
+    impulses: Array  # float64 [m]
+    rows: Any  # sparse [m, 12 N]: directions in which the impulses act
 
 
 class Equations:
     """Conditions of connections, supports, sliders and joints on a jump of the velocities; arguments as of `jump`, without `lead`
     those of `settled`.
 
-    Attributes
-    ----------
-    given : bool [S]
-        Sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
-    coordinates : sparse [R, 12 N]
-        Rates of the coordinates of joints that may stick by those of all coordinates.
+    given: bool [S], sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
+    coordinates: sparse [R, 12 N], rates of the coordinates of joints that may stick by those of all coordinates.
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:

@@ -120,12 +120,8 @@ Grouped = Mapping[str, tuple[str, type, str]]
 def regroup(subject: str, since: str, old: Grouped, given: dict[str, Any], level: int = 2) -> dict[str, Any]:
     """Return arguments of a call with the old ones put into the groups that took their place, with a FutureWarning.
 
-    Raises
-    ------
-    TypeError
-        An old argument is given beside its group.
-    SceneError
-        A group refuses its arguments.
+    Raises TypeError: an old argument is given beside its group.
+    Raises SceneError: a group refuses its arguments.
     """
     out = {name: value for name, value in given.items() if name not in old}
     groups: dict[str, tuple[type, dict[str, Any]]] = {}

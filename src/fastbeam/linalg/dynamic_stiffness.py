@@ -37,16 +37,11 @@ def with_still(pencil: Pencil, forces: Array) -> Pencil:
 class DynamicStiffness:
     """Matrix K + r C + r^2 M with the constraints of a pencil, factored at one rate r after the other.
 
-    Parameters
-    ----------
-    pencil : Pencil
-    damping : sparse [k, k]
-        C.
-    loss : sparse [k, k], optional
-        Stiffness that has an imaginary part: i times this is added.
-    ratios : (float64 [k, m], float64 [m], float64 [m]), optional
-        M times m modes of unit mass, their angular frequencies and the damping ratios they get besides.
-    backend : {'auto', 'pardiso', 'superlu'}
+    damping: sparse [k, k], C.
+    loss: sparse [k, k], stiffness that has an imaginary part: i times this is added.
+    ratios: (float64 [k, m], float64 [m], float64 [m]), M times m modes of unit mass, their angular frequencies and the damping
+        ratios they get besides.
+    backend: {'auto', 'pardiso', 'superlu'}.
     """
 
     def __init__(self, pencil: Pencil, damping: Any, loss: Any = None, ratios: tuple[Array, Array, Array] | None = None,
@@ -112,16 +107,8 @@ class DynamicStiffness:
     def factored(self, rate: complex, round_off: float = LIMITS.round_off) -> Solver:
         """Return the factors at a rate, ready to solve.
 
-        Parameters
-        ----------
-        round_off : float
-            Accepted ratio of residuals to the largest of their terms: more for inverse iteration, next to
-            an eigenvalue.
-
-        Raises
-        ------
-        SingularError
-            The matrix is singular.
+        round_off: accepted ratio of residuals to the largest of their terms: more for inverse iteration, next to an eigenvalue.
+        Raises SingularError: the matrix is singular.
         """
         return Solver(self, self.matrix(rate), round_off)
 

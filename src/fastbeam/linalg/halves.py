@@ -52,19 +52,10 @@ def unknowns(nodes: Array, size: int) -> Array:
 class Half:
     """One half, then the nodes between: blocks among these come with half their values, so that both Schur complements add up.
 
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    nodes, between : int64 [n], [m]
-    indptr, indices : int [N + 1], [blocks]
-        Structure of the whole matrix, by blocks.
-    columns, size : int
-        Right-hand sides; unknowns of a block.
-
-    Raises
-    ------
-    ArithmeticError
-        The analysis fails.
+    nodes, between: int64 [n], [m].
+    indptr, indices: int [N + 1], [blocks], structure of the whole matrix, by blocks.
+    columns, size: right-hand sides; unknowns of a block.
+    Raises ArithmeticError: the analysis fails.
     """
 
     def __init__(self, mkl: Any, nodes: Array, between: Array, indptr: Array, indices: Array, columns: int, size: int) -> None:
@@ -117,19 +108,9 @@ class Half:
 class Halves:
     """Matrix structure cut in two, analysed once.
 
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    parts : two halves and what is between, see `cut`
-    tables : PardisoTables
-        Of the whole matrix; its handle is not used.
-    size : int
-        Unknowns of a block.
-
-    Raises
-    ------
-    ArithmeticError
-        An analysis fails.
+    tables: of the whole matrix; its handle is not used.
+    size: unknowns of a block.
+    Raises ArithmeticError: an analysis fails.
     """
 
     def __init__(self, mkl: Any, parts: tuple[Array, Array, Array], tables: PardisoTables, size: int) -> None:

@@ -51,14 +51,9 @@ class Nodes(NamedTuple):
 class Blocks:
     """Matrix of square blocks.
 
-    Parameters
-    ----------
-    n : int
-        Rows.
-    rows, columns : array [m] of int
-        Rows and columns of blocks; no block twice.
-    blocks : array [m, size, 8]
-    size : int
+    n: rows.
+    rows, columns: array [m] of int, rows and columns of blocks; no block twice.
+    blocks: array [m, size, 8].
     """
 
     def __init__(self, n: int, rows: Array, columns: Array, blocks: Array, size: int) -> None:
@@ -88,13 +83,7 @@ class Blocks:
 
 
 class Entries:
-    """Matrix by rows.
-
-    Parameters
-    ----------
-    matrix : sparse matrix or array [n, n]
-        In scipy's format csr.
-    """
+    """Matrix by rows; matrix: sparse matrix or array [n, n], in scipy's format csr."""
 
     def __init__(self, matrix: Any) -> None:
         self.by_rows, self.n = matrix, matrix.shape[0]
@@ -119,12 +108,8 @@ class Entries:
 class Terms:
     """Symmetric matrix as a sum of entries, of which several may stand at one place.
 
-    Parameters
-    ----------
-    n : int
-        Rows.
-    row, column, value : array [m]
-        Of the entries on both sides of the diagonal.
+    n: rows.
+    row, column, value: array [m], of the entries on both sides of the diagonal.
     """
 
     def __init__(self, n: int, row: Array, column: Array, value: Array) -> None:
@@ -146,13 +131,8 @@ class Terms:
 class Signs:
     """Signs of the eigenvalues of a matrix.
 
-    Parameters
-    ----------
-    of : Blocks, Entries or Terms
-        Of terms only `clear` is known.
-    nodes : Nodes, optional
-    free : function of what gives the matrix by rows -> int array, optional
-        One unknown of every free motion that is known, to be held.
+    of: of terms only `clear` is known.
+    free: function of what gives the matrix by rows -> int array, one unknown of every free motion that is known, to be held.
     """
 
     def __init__(self, of: Any, nodes: Nodes | None = None, free: Callable[[Callable[[], Any]], Array] | None = None) -> None:
@@ -280,11 +260,8 @@ class Form:
     node of the row. Without that, round-off of a stiffness EA/h stands beside the energy of bending, and hides it in fine meshes
     of slender beams.
 
-    Parameters
-    ----------
-    matrix : sparse by rows [n, n]
-    nodes : Nodes, optional
-        Default: plain products.
+    matrix: sparse by rows [n, n].
+    nodes: default: plain products.
     """
 
     def __init__(self, matrix: Any, nodes: Nodes | None) -> None:

@@ -22,27 +22,14 @@ MUCH, MOST_UPDATES = 100, 10**8
 
 @dataclass(frozen=True)
 class Pattern:
-    """Blocks of a symmetric structure.
+    """Blocks of a symmetric structure."""
 
-    Attributes
-    ----------
-    row_of : int [N]
-        Row of every node; rows from n on belong to nodes that are eliminated before (theory.md 9).
-    keys : int [n_blocks]
-        row * n + column of the blocks, ascending: block k stands at rank k.
-    plan : Elimination or None
-        Update lists of the block elimination; None where its fill is too large and a sparse solver has to do it.
-    n : int
-        Number of block rows.
-    coupled : int [m, 2]
-        Rows of coupled nodes, each pair once, without the fill of the plan.
-    """
-
-    row_of: Array
-    keys: Array
+    row_of: Array  # int [N]: row of every node; rows from n on belong to nodes that are eliminated before (theory.md 9)
+    keys: Array  # int [n_blocks]: row * n + column of the blocks, ascending: block k stands at rank k
+    # update lists of the block elimination; None where its fill is too large and a sparse solver has to do it
     plan: Elimination | None
-    n: int
-    coupled: Array
+    n: int  # number of block rows
+    coupled: Array  # int [m, 2]: rows of coupled nodes, each pair once, without the fill of the plan
 
     @property
     def first_on_row(self) -> Array:
@@ -87,18 +74,11 @@ def ascending(keys: Array) -> Array:
 def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = True, joints: int = 0) -> Pattern:
     """Choose an order and, where the fill stays small, plan the block elimination.
 
-    Parameters
-    ----------
-    n : int
-        Number of nodes.
-    pairs : int [m, 2]
-        Coupled nodes, any order, repeats allowed; the diagonal is added.
-    band : int
-        Couplings of a node to one side within a beam; what a chain costs.
-    allow_elimination : bool
-        False: leave the factorisation to a sparse solver.
-    joints : int
-        Joints with multipliers, which a sparse solver leaves to a dense border: some columns of all rows each.
+    n: number of nodes.
+    pairs: int [m, 2], coupled nodes, any order, repeats allowed; the diagonal is added.
+    band: couplings of a node to one side within a beam; what a chain costs.
+    allow_elimination: false: leave the factorisation to a sparse solver.
+    joints: joints with multipliers, which a sparse solver leaves to a dense border: some columns of all rows each.
     """
     low, high = np.minimum(pairs[:, 0], pairs[:, 1]), np.maximum(pairs[:, 0], pairs[:, 1])
     edges = ascending(low * n + high)

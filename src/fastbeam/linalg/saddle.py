@@ -44,23 +44,12 @@ ZERO = 1e-13
 class Saddle(Factors):
     """One matrix with constraints.
 
-    Parameters
-    ----------
-    matrix : sparse float64 [n, n] by rows
-        All rows and columns, coordinates and multipliers in any order.
-    multiplier : bool [n]
-        True for unknowns that are multipliers.
-    factoriser : Factoriser, optional
-        Used before SuperLU.
-
-    Attributes
-    ----------
-    drift : float64 [n]
-        Components of the last right-hand side along null vectors, in no unit; zero if the matrix is regular.
-    unbalanced : float
-        Its share in the right-hand side, in scaled rows.
-    left : float64 [n, m]
-        Null vectors of the transposed matrix, along which the last solution leaves the right-hand side out.
+    matrix: sparse float64 [n, n] by rows, all rows and columns, coordinates and multipliers in any order.
+    multiplier: bool [n], true for unknowns that are multipliers.
+    factoriser: used before SuperLU.
+    drift: float64 [n], components of the last right-hand side along null vectors, in no unit; zero if the matrix is regular.
+    unbalanced: its share in the right-hand side, in scaled rows.
+    left: float64 [n, m], null vectors of the transposed matrix, along which the last solution leaves the right-hand side out.
     """
 
     def __init__(self, matrix: Any, multiplier: Array, factoriser: Factoriser | None = None) -> None:

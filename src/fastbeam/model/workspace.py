@@ -30,10 +30,7 @@ Array = np.ndarray
 class ReferenceStrains:
     """Reference strains of one run, in the order of the tables of every form of its model.
 
-    Parameters
-    ----------
-    beams : sequence of (slice, float)
-        Beams whose prestrains change: nodes, and the change at factor 1.
+    beams: sequence of (slice, float), beams whose prestrains change: nodes, and the change at factor 1.
     """
 
     def __init__(self, beams: Sequence[tuple[slice, float]] = ()) -> None:

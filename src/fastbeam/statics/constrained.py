@@ -42,28 +42,14 @@ class SaddleSolver(StaticSolver):
     """Newton solver for equilibria with constraints: `StaticSolver` around one sparse matrix without elimination of inner nodes,
     factored by PARDISO, or by SuperLU where PARDISO finds no reliable solution.
 
-    Parameters
-    ----------
-    model : Model
-    start : State or None
-    max_iterations : int
-        Largest number of increments of each Newton iteration.
-    held : bool [S]
-        Sliders that stay at their s.
-    at_time : float
-        Time at which drives are evaluated, s.
-    flat : bool, optional
-        Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
-    backend : {'auto', 'pardiso', 'superlu'}
-    strains : ReferenceStrains, optional
-        Those of the run, which other solvers share.
-
-    Attributes
-    ----------
-    nodes : int
-        Unknowns of the nodes, which stand first among all.
-    places : slice
-        Sliding coordinates among all unknowns; the multipliers stand behind them.
+    max_iterations: largest number of increments of each Newton iteration.
+    held: bool [S], sliders that stay at their s.
+    at_time: time at which drives are evaluated, s.
+    flat: whether to solve in the plane of the scene; default: where it has one and the start lies in it.
+    backend: {'auto', 'pardiso', 'superlu'}.
+    strains: those of the run, which other solvers share.
+    nodes: unknowns of the nodes, which stand first among all.
+    places: sliding coordinates among all unknowns; the multipliers stand behind them.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,

@@ -151,10 +151,7 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
 def _way(model: Model, start: State | None, at_time: float | None) -> _SupportProgress | None:
     """Return the path of supports that move; None where they stand at their places at the time of the loads.
 
-    Raises
-    ------
-    SceneError
-        A support of the start stands neither at its place at that time nor at its place at t = 0.
+    Raises SceneError: a support of the start stands neither at its place at that time nor at its place at t = 0.
     """
     if model.prescribed is None or at_time is None:
         return None
@@ -188,10 +185,7 @@ def _at_rest(model: Model, factors: Array, way: _SupportProgress | None) -> Mode
 class _SupportProgress:
     """Progress of supports on their path from t = 0 to their places at one time, s.
 
-    Attributes
-    ----------
-    share, size : float
-        Part of the path that is done, and that of the next step.
+    share, size: part of the path that is done, and that of the next step.
     """
 
     def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
@@ -307,12 +301,7 @@ class _Relaxation:
 
     # --- the motion ---------------------------------------------------------------------------------------------------
     def go(self, step: float | None, most_steps: int, finish: bool) -> Result:
-        """Move until the scene rests.
-
-        Raises
-        ------
-        ConvergenceError
-        """
+        """Move until the scene rests. Raises ConvergenceError."""
         bar = Progress(1.0, f"{self.model.scene_name}: relax")
         h = self._first_step() if step is None else step
         smallest = SMALLEST * h
@@ -362,10 +351,7 @@ class _Relaxation:
     def _step(self, h: float, smallest: float) -> tuple[Outcome | None, float]:
         """Take a step of size h, s; where it fails or goes too far none, and return a size to try.
 
-        Raises
-        ------
-        ConvergenceError
-            The size is the smallest, or a slider has run off its beam.
+        Raises ConvergenceError: the size is the smallest, or a slider has run off its beam.
         """
         saved = self.stepper.save()
         # laws of forces see the time in the middle of a step

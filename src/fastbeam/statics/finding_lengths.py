@@ -38,13 +38,7 @@ PART, MOST = 0.1, 6
 
 @dataclass(frozen=True)
 class LengthTask(StaticTask):
-    """Task of `find_lengths`, its arguments tested.
-
-    Attributes
-    ----------
-    unknown : Lengths
-    conditions : list of Condition
-    """
+    """Task of `find_lengths`, its arguments tested."""
 
     unknown: Lengths
     conditions: list[Condition]
@@ -58,16 +52,8 @@ class LengthTask(StaticTask):
 class LengthSteps(LoadSteps):
     """Steps of conditions from their first to their wanted values, with a row for each.
 
-    Parameters
-    ----------
-    task : LengthTask
-    mass : str
-        See `find_lengths`.
-
-    Raises
-    ------
-    SceneError
-        Something is held by nothing, what is observed does not exist, or the lengths do not move the conditions.
+    mass: see `find_lengths`.
+    Raises SceneError: something is held by nothing, what is observed does not exist, or the lengths do not move the conditions.
     """
 
     task: LengthTask
@@ -240,10 +226,7 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
 def _beams_of(model: Model, lengths: Any) -> list[Beam]:
     """Return the beams whose lengths are asked for.
 
-    Raises
-    ------
-    SceneError
-        They are not in the scene, stand twice, or there are none.
+    Raises SceneError: they are not in the scene, stand twice, or there are none.
     """
     if isinstance(lengths, (str, bytes, Mapping, Beam)) or not isinstance(lengths, Sequence) or not lengths:
         raise SceneError(f"find_lengths, lengths: must be beams or names of beams, as in ['dropper 1', 'dropper 2'], got "
@@ -265,12 +248,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
 
 
 def _check_influence(found: tuple[Array, Array] | None, beams: list[Beam], conditions: list[Condition]) -> None:
-    """Refuse lengths that do not move the conditions at the start, each by itself.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse lengths that do not move the conditions at the start, each by itself. Raises SceneError."""
     if found is None:
         # without stiffness of its own, as a slack net: conditions may give it some
         return

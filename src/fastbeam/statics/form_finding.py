@@ -101,12 +101,7 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
 
 
 def _numbers_of(what: str, value: Any, n: int, shape: tuple[int | None, ...]) -> Array:
-    """Return node numbers as an array, checked.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return node numbers as an array, checked. Raises SceneError."""
     found = numbers(value)
     fits = found is not None and found.size and found.ndim == len(shape)
     fits = fits and all(a in (None, b) for a, b in zip(shape, found.shape))

@@ -56,17 +56,9 @@ _GROUPS: WeakKeyDictionary[Model, list[_Alike]] = WeakKeyDictionary()
 class FreeMotions:
     """Motions of one model that nothing resists.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space, without elimination of inner nodes.
-    axes : float64 [3, 3], optional
-        Axes of the plane where nodes have 3 unknowns.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the motions that were found last.
+    model: Model in space, without elimination of inner nodes.
+    axes: float64 [3, 3], axes of the plane where nodes have 3 unknowns.
+    names: names of the motions that were found last.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:
@@ -140,12 +132,8 @@ class FreeMotions:
     def find(self, matrix: Callable[[], Any], q: Array) -> Array:
         """Return one unknown of every free motion [m]; `names` has their names.
 
-        Parameters
-        ----------
-        matrix : callable
-            Returns the tangent, sparse by rows [n, n]; unknowns of nodes come first.
-        q : float64 [N, 4, 3]
-            Coordinates in space.
+        matrix: returns the tangent, sparse by rows [n, n]; unknowns of nodes come first.
+        q: float64 [N, 4, 3], coordinates in space.
         """
         few = len(self.parts) <= MOST_PARTS
         if not self._may_move(q, few):
@@ -173,15 +161,10 @@ class FreeMotions:
     def spins(self, matrix: Any, q: Array, residual: Array, round_off: Callable[[], Array]) -> Array:
         """Return one unknown [m] of every spin about an axis that Newton's method may hold at any shape.
 
-        Parameters
-        ----------
-        matrix : sparse by rows [n, n]
-        q
-            See `find`.
-        residual : float64 [n]
-            Residual of the unknowns of nodes at this shape.
-        round_off : callable
-            Returns how much of the residual may be round-off, float64 [n].
+        matrix: sparse by rows [n, n].
+        q: see `find`.
+        residual: float64 [n], residual of the unknowns of nodes at this shape.
+        round_off: returns how much of the residual may be round-off, float64 [n].
         """
         if not self._may_move(q, False):
             return np.zeros(0, np.int64)
@@ -285,10 +268,7 @@ class _Alike:
 class _Spins:
     """Spins of beams about their axes that supports allow, at one shape.
 
-    Attributes
-    ----------
-    free : int [m]
-        Numbers of the parts that have one, ascending, without those that were left.
+    free: int [m], numbers of the parts that have one, ascending, without those that were left.
     """
 
     def __init__(self, of: FreeMotions, matrix: Any, q: Array) -> None:
@@ -341,10 +321,7 @@ class _Spins:
     def resisted(self, slack: Array | float) -> Array:
         """Return parts whose spins the matrix resists.
 
-        Parameters
-        ----------
-        slack : float64 [n]
-            Forces and moments that are neglected besides round-off.
+        slack: float64 [n], forces and moments that are neglected besides round-off.
         """
         count, size, _ = self._of.nodes
         matrix, sizes = self._matrix, abs(self._matrix)

@@ -39,16 +39,10 @@ IN_VAIN, SAME = 5, 1e-6
 class JointCoordinates:
     """Coordinates of joints, R of them, with friction or rigid stops.
 
-    Attributes
-    ----------
-    values : float64 [R]
-        Initial values, rad or m.
-    stops, scales : float64 [R, 2], [R]
-        Rigid stops, infinite without, and sizes of coordinates.
-    rows : int64 [R]
-        Number of the constraint force that holds each coordinate, -1 where none does.
-    has_friction : bool [R]
-    labels : list of str
+    values: float64 [R], initial values, rad or m.
+    stops, scales: float64 [R, 2], [R], rigid stops, infinite without, and sizes of coordinates.
+    rows: int64 [R], number of the constraint force that holds each coordinate, -1 where none does.
+    has_friction: bool [R].
     """
 
     def __init__(self, solver: SlidingSolver) -> None:
@@ -172,13 +166,7 @@ def _downhill(slopes: Array, left: Array) -> tuple[Array, bool]:
 
 class StaticJoints:
     """Coordinates of joints with friction or rigid stops, and of sections with friction in their sleeves, R of them, in the
-    equilibria of a solver.
-
-    Parameters
-    ----------
-    solver : SlidingSolver
-    parts : list of JointCoordinates or SectionAngles
-    """
+    equilibria of a solver."""
 
     def __init__(self, solver: SlidingSolver, parts: list[JointCoordinates | SectionAngles]) -> None:
         self.solver, self._parts = solver, parts

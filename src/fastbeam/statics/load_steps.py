@@ -64,33 +64,17 @@ LONG = 9
 
 @dataclass(frozen=True)
 class StaticTask:
-    """Task of `solve_static`, its arguments tested.
-
-    Attributes
-    ----------
-    model : Model
-    start : State or None
-    notes : list of (kind, text)
-        Events of the start.
-    factors : float64 [K]
-        Load factors at the time of the loads.
-    stops : list of float
-        Load factors that steps end at.
-    stays : bool [sliders]
-        Sliders that are held.
-    asked : list of int
-        Sliders whose interval of places of rest is looked for.
-    smallest_step, at_time, observe, points, max_iterations, backend, threads, raise_loads, contacts, steady
-        Arguments of `solve_static`.
-    """
+    """Task of `solve_static`, its arguments tested."""
 
     model: Model
     start: State | None
-    notes: list[tuple[str, str]]
-    factors: Array
-    stops: list[float]
-    stays: Array
-    asked: list[int]
+    notes: list[tuple[str, str]]  # events of the start
+    factors: Array  # float64 [K]: load factors at the time of the loads
+    stops: list[float]  # load factors that steps end at
+    stays: Array  # bool [sliders]: sliders that are held
+    asked: list[int]  # sliders whose interval of places of rest is looked for
+    # smallest_step, at_time, observe, points, max_iterations, backend, threads, raise_loads, contacts, steady: arguments of
+    # `solve_static`
     smallest_step: float
     at_time: float | None
     observe: Sequence[str]
@@ -105,10 +89,7 @@ class StaticTask:
     def solver(self) -> StaticSolver:
         """Make the solver for this type of scene, at the start.
 
-        Raises
-        ------
-        SceneError
-            `contacts="exact"` does not support something in the scene.
+        Raises SceneError: `contacts="exact"` does not support something in the scene.
         """
         model, t = self.model, self.at_time or 0.0
         out: StaticSolver
@@ -153,14 +134,7 @@ def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space:
 class LoadSteps:
     """Load steps to the equilibrium, with a row for each.
 
-    Parameters
-    ----------
-    task : StaticTask
-
-    Raises
-    ------
-    SceneError
-        Something is held by nothing, or what is observed does not exist.
+    Raises SceneError: something is held by nothing, or what is observed does not exist.
     """
 
     def __init__(self, task: StaticTask) -> None:
@@ -185,9 +159,7 @@ class LoadSteps:
     def find(self, load_step: float, largest_load_step: float) -> Result:
         """Find the equilibrium, with load steps that begin with one size and stay below another.
 
-        Raises
-        ------
-        ConvergenceError, Interrupted
+        Raises ConvergenceError or Interrupted.
         """
         bar = Progress(1.0, f"{self.task.model.scene_name}: load")
         with _interruptible(self.solver, self.buffer, self._finish, bar):
@@ -358,9 +330,7 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
     """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and raise Interrupted
     with the result.
 
-    Raises
-    ------
-    Interrupted
+    Raises Interrupted.
     """
     try:
         with Interrupts() as solver.interrupts:

@@ -64,19 +64,13 @@ class _Moving(ABC):
 class SupportPath(_Moving):
     """Supports of a model on their way from where they stand to where their functions have them at one time.
 
-    Parameters
-    ----------
-    model : Model
-        Model with supports that move; tables in space.
-    state : State
-        State at load factor 0, in space.
-    from_start : bool
-        Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
-        and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
-    at_time : float or (float, float)
-        s, at load factor 1; or at 0 and 1, between which supports follow their functions, whatever the shape.
-    who : str
-        The function that was called.
+    model: Model with supports that move; tables in space.
+    state: state at load factor 0, in space.
+    from_start: whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go
+        straight, and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
+    at_time: float or (float, float), s, at load factor 1; or at 0 and 1, between which supports follow their functions, whatever
+        the shape.
+    who: the function that was called.
     """
 
     def __init__(self, model: Model, state: State, from_start: bool, at_time: float | tuple[float, float],
@@ -141,12 +135,7 @@ class SupportPath(_Moving):
         return left is None or bool(np.all(np.abs(left) <= AWAY * np.repeat((self._size, 1.0), 3)))
 
     def check_stands(self, who: str, share: float, now: Array) -> None:
-        """Refuse a start whose supports stand elsewhere at this load factor.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse a start whose supports stand elsewhere at this load factor. Raises SceneError."""
         if not self.stands(share, now):
             names = ", ".join(motion.label for motion in self.of.motions[:3])
             raise SceneError(f"{who}: {names}: at the start these supports are not at the places that their functions prescribe; "
@@ -187,12 +176,7 @@ class SupportPath(_Moving):
         out[:] = self._reached.reshape(-1)
 
     def check_turns(self, reached: float) -> None:
-        """Refuse supports that turn by half a turn or more from the load factor `reached` to `share`.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse supports that turn by half a turn or more from the load factor `reached` to `share`. Raises SceneError."""
         for k in self.of.turning if self.from_start else ():
             turns_between(self.of.motions[k], [self._time_at(reached), self._time])
 
@@ -216,10 +200,7 @@ class SupportPath(_Moving):
         """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
         of `core`.
 
-        Raises
-        ------
-        SceneError
-            A support leaves the plane.
+        Raises SceneError: a support leaves the plane.
         """
         return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
 
@@ -231,15 +212,10 @@ class SupportPath(_Moving):
 class StaticShift(_Moving):
     """Supports that are shifted with the load factor, straight, and turned, each about one axis through its node.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space.
-    moves : dict of int -> float64 (6,)
-        Increments of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
-    q : float64 [12 N]
-        The shape at the load factor `share`.
-    share : float
+    model: Model in space.
+    moves: dict of int -> float64 (6,), increments of nodes that are held along them: displacement, m, and rotation vector in
+        space, rad, at load factor 1.
+    q: float64 [12 N], the shape at the load factor `share`.
     """
 
     def __init__(self, model: Model, moves: dict[int, Array], q: Array, share: float) -> None:
@@ -289,12 +265,7 @@ class StaticShift(_Moving):
                     out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """Return increments of supports as increments of rows, see `SupportPath.rows`.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Return increments of supports as increments of rows, see `SupportPath.rows`. Raises SceneError."""
         return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
 
     def moved(self, q: Array, given: Array) -> Array:
@@ -358,14 +329,7 @@ def _off_plane(given: Array, axes: Array) -> Array:
 
 
 class Carrying:
-    """Assembly of an iteration that moves the scene of a stepper along with its supports.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    own : int [M]
-        Nodes that are moved.
-    """
+    """Assembly of an iteration that moves the scene of a stepper along with its supports; own: int [M], nodes that are moved."""
 
     def __init__(self, stepper: Any, own: Array) -> None:
         core = stepper.core

@@ -56,22 +56,11 @@ class Modes(NamedTuple):
 class StaticAlong:
     """Forces along the beam on S sliders, at least one of which has such forces.
 
-    Parameters
-    ----------
-    model : Model
-    at_time : float
-        Time of functions of time, s.
-    s : float64 [S]
-        Places of sliders at load factor 0, m.
-    held : bool [S]
-        Sliders that stay at their s, with whatever force that takes.
-    history : float64
-        History of the state.
-
-    Raises
-    ------
-    SceneError
-        A drive prescribes a place beyond the end of its beam, or returns no finite number.
+    at_time: time of functions of time, s.
+    s: float64 [S], places of sliders at load factor 0, m.
+    held: bool [S], sliders that stay at their s, with whatever force that takes.
+    history: history of the state.
+    Raises SceneError: a drive prescribes a place beyond the end of its beam, or returns no finite number.
     """
 
     def __init__(self, model: Model, at_time: float, s: Array, held: Array, history: Array) -> None:

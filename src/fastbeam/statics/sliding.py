@@ -231,18 +231,11 @@ class _Descent:
     """Free sliders on their way downhill, the rest of the scene following in equilibrium. What goes on returns a status where the
     way ends, else None.
 
-    Attributes
-    ----------
-    sizes : list of float
-        Of the increments.
-    drag, trust : float
-        By how much increments are kept from going uphill; share of an increment that is taken.
-    near : float
-        Increments up to this share of the beams are tried as those of Newton's method.
-    beyond : float64 [S]
-        Places that lay too far, from where the sliders came; NaN: none is known.
-    is_probed : bool
-        Whether a step was taken since Newton's method failed close by.
+    sizes: of the increments.
+    drag, trust: by how much increments are kept from going uphill; share of an increment that is taken.
+    near: increments up to this share of the beams are tried as those of Newton's method.
+    beyond: float64 [S], places that lay too far, from where the sliders came; NaN: none is known.
+    is_probed: whether a step was taken since Newton's method failed close by.
     """
 
     def __init__(self, solver: SlidingSolver) -> None:

@@ -99,12 +99,7 @@ class Travel:
 
 
 def which_steady_motion(value: Any) -> Spin | Travel:
-    """Check that an argument is a steady motion.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check that an argument is a steady motion. Raises Refusal."""
     from fastbeam.interface.arguments import Instance
     motion: Spin | Travel = Instance((Spin, Travel), "an fb.Spin(rate, axis=...) or fb.Travel({beam: speed})")(value)
     return motion
@@ -119,12 +114,7 @@ class Field(NamedTuple):
 
 
 def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) -> None:
-    """Refuse scenes that are not steady in such a motion, under load factors [K].
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse scenes that are not steady in such a motion, under load factors [K]. Raises SceneError."""
     require(Analysis.STEADY, model, who)
     if isinstance(motion, Spin):
         loads = model.loads
@@ -151,13 +141,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
 
 
 def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
-    """Return the first node of a beam and the number of its nodes.
-
-    Raises
-    ------
-    SceneError
-        It is not in the scene.
-    """
+    """Return the first node of a beam and the number of its nodes. Raises SceneError: it is not in the scene."""
     try:
         return model.numbers.start(beam), beam.basis.n_nodes
     except KeyError:
@@ -165,13 +149,7 @@ def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
 
 
 def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
-    """Form the matrices of a steady motion of a model in space.
-
-    Raises
-    ------
-    SceneError
-        A beam is not in the scene.
-    """
+    """Form the matrices of a steady motion of a model in space. Raises SceneError: a beam is not in the scene."""
     from scipy import sparse
     n = model.n_nodes
     if isinstance(motion, Travel):
@@ -225,22 +203,11 @@ def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
 class SteadyForces:
     """Forces of inertia of a steady motion on the unknowns of the rows of a model, and their stiffness.
 
-    Parameters
-    ----------
-    who : str
-        The function that was called.
-    model : Model
-        Model in space.
-    motion : Spin or Travel
-    of : RowMap
-        Map of the rows of the same model.
-    size : int
-        Unknowns a row.
-
-    Attributes
-    ----------
-    share : float
-        Share of the forces that acts.
+    who: the function that was called.
+    model: Model in space.
+    of: map of the rows of the same model.
+    size: unknowns a row.
+    share: share of the forces that acts.
     """
 
     def __init__(self, who: str, model: Model, motion: Spin | Travel, of: RowMap, size: int) -> None:

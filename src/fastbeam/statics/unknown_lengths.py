@@ -43,12 +43,7 @@ UNBALANCED = 1e-9
 class Lengths:
     """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them.
 
-    Parameters
-    ----------
-    model : Model
-    beams : list of Beam
-    per_length : bool
-        Whether their weights go with their unstressed lengths.
+    per_length: whether their weights go with their unstressed lengths.
     """
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
@@ -138,10 +133,7 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
                   stays: Array) -> list[Condition]:
     """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for.
 
-    Raises
-    ------
-    SceneError
-        One of them has no derivative, or is the arc length of a slider that stays.
+    Raises SceneError: one of them has no derivative, or is the arc length of a slider that stays.
     """
     out = []
     for what, one in zip(conditions, wanted):
@@ -167,15 +159,9 @@ class LengthSolver(Response):
     """Solver for equilibria with conditions, on all unknowns and prestrains of beams; `move_to` leads the conditions from their
     values at the start to the wanted ones.
 
-    Parameters
-    ----------
-    unknown : Lengths
-    start : State
-        An equilibrium with the lengths of the scene.
-    max_iterations, held, backend, at_time, factors
-        As `Response`.
-    conditions : list of Condition
-        As many as beams.
+    start: an equilibrium with the lengths of the scene.
+    max_iterations, held, backend, at_time, factors: as `Response`.
+    conditions: as many as beams.
     """
 
     def __init__(self, unknown: Lengths, start: State, max_iterations: int, held: Array, backend: str, at_time: float,

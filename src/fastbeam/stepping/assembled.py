@@ -83,17 +83,9 @@ class Equations(NamedTuple):
 class Constraints:
     """Reader of the equations of the constraints of a stepper in statics.
 
-    Parameters
-    ----------
-    stepper : Stepper
-        Stepper in statics.
-
-    Attributes
-    ----------
-    loose : bool [R] or None
-        True for coordinates of joints that are free though friction or rigid stops may hold them.
-    angles : dict
-        Angles at which friction holds sections, by the number of their sleeve, rad.
+    stepper: stepper in statics.
+    loose: bool [R], true for coordinates of joints that are free though friction or rigid stops may hold them.
+    angles: angles at which friction holds sections, by the number of their sleeve, rad.
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -268,13 +260,8 @@ class Constraints:
 class SaddleMatrix:
     """Matrix by rows of nodes, sliding coordinates and multipliers, from blocks of nodes and entries of constraints.
 
-    Parameters
-    ----------
-    pattern : Pattern
-    size : int
-        Unknowns a node.
-    sliders, forces : int
-        Numbers of sliding coordinates and of multipliers.
+    size: unknowns a node.
+    sliders, forces: numbers of sliding coordinates and of multipliers.
     """
 
     def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
@@ -315,12 +302,8 @@ class SaddleMatrix:
     def of(self, blocks: Array, equations: Equations, sliding: Array, drag: float) -> Any:
         """Form the matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
 
-        Parameters
-        ----------
-        sliding : bool [S]
-            Sliders that are free; the others have an increment of zero.
-        drag : float
-            Stiffness against increments of sliding coordinates, N/m.
+        sliding: bool [S], sliders that are free; the others have an increment of zero.
+        drag: stiffness against increments of sliding coordinates, N/m.
         """
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force

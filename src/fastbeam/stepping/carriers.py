@@ -96,13 +96,7 @@ def _sleeves_on(every: Any, sliders: Array) -> tuple[Any, Array, Array]:
 
 
 class AlongGroup:
-    """Forces along the beams on the sliders of one group: copies of their rows of those of the scene.
-
-    Parameters
-    ----------
-    whole : Along
-    sliders : int64 [*]
-    """
+    """Forces along the beams on the sliders of one group: copies of their rows of those of the scene; sliders: int64 [*]."""
 
     def __init__(self, whole: Along, sliders: Array) -> None:
         self.whole, self.sliders = whole, sliders
@@ -167,14 +161,7 @@ def _elements_of(model: Model, g: int, row_of: Array, n: int, sets: Any) -> tupl
 
 
 class Group:
-    """One group of carriers.
-
-    Parameters
-    ----------
-    owner : Owner
-    shared : Shared
-    g : int
-    """
+    """One group of carriers."""
 
     def __init__(self, owner: Owner, shared: Shared, g: int) -> None:
         model = owner.core

@@ -51,10 +51,7 @@ def thread_count(threads: int | None, elements: int) -> int:
     """Choose the threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all
     processors that this process may use and that have enough to do.
 
-    Raises
-    ------
-    SceneError
-        Not a whole number >= 1.
+    Raises SceneError: not a whole number >= 1.
     """
     if threads is not None:
         return count("threads", threads)
@@ -124,13 +121,7 @@ def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
 
 class CondensedIteration(Iteration):
     """Newton iterations of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and
-    each group of carriers is one.
-
-    Parameters
-    ----------
-    owner : Stepper
-    threads : int
-    """
+    each group of carriers is one."""
 
     def hold(self) -> None:
         if self._carriers:

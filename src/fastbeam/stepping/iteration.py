@@ -45,19 +45,12 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, af
                 is_settled: Callable[[], bool] = lambda: True, largest: float = np.inf) -> tuple[int, list[float]]:
     """Iterate by Newton's method where its loop runs in Python, as `kernels.step.newton`.
 
-    Parameters
-    ----------
-    increment : callable
-        Solves the linearised equations and adds what it finds. Returns a status and the size of the increment, None where none
-        was found; any status but OK ends the loop.
-    most : int
-        Largest number of iterations.
-    after : callable
-        Called with the sizes so far after every iteration that does not end the loop; any status but OK ends it.
-    is_settled : callable
-        Asked where increments are at round-off: whether the equations have not changed with the last one.
-    largest : float
-        An increment beyond this, or NaN, ends it.
+    increment: solves the linearised equations and adds what it finds. Returns a status and the size of the increment, None where
+        none was found; any status but OK ends the loop.
+    most: largest number of iterations.
+    after: called with the sizes so far after every iteration that does not end the loop; any status but OK ends it.
+    is_settled: asked where increments are at round-off: whether the equations have not changed with the last one.
+    largest: an increment beyond this, or NaN, ends it.
 
     Returns
     -------
@@ -107,15 +100,9 @@ class Iteration:
     def newton(self, h: float, max_iterations: int, largest: float, stop: Callable[[], Any]) -> tuple[int, list[float]]:
         """Iterate from the first guess; return (status, sizes of the increments), as `kernels.step.newton`.
 
-        Parameters
-        ----------
-        h : float
-            Size of the step; 0 in statics.
-        max_iterations : int
-        largest : float
-            An increment beyond this ends it.
-        stop : callable
-            Asked after every iteration; true: LEFT.
+        h: size of the step; 0 in statics.
+        largest: an increment beyond this ends it.
+        stop: asked after every iteration; true: LEFT.
         """
         owner = self.owner
         owner.linear.begin_step()

@@ -27,21 +27,11 @@ RHO_INF = 0.8
 
 @dataclass(frozen=True)
 class Scheme:
-    """Scheme of time integration.
+    """Scheme of time integration."""
 
-    Attributes
-    ----------
-    name : str
-        Key of `METHODS`.
-    middle : None or 1
-        As in `kernels.step.assemble_step`.
-    parameters : None or float64 [4]
-        alpha_m, alpha_f, beta, gamma where equilibrium holds at the end of a step.
-    rho_inf : None or float
-    """
-
-    name: str = "energy_momentum"
-    middle: int | None = None
+    name: str = "energy_momentum"  # key of `METHODS`
+    middle: int | None = None  # as in `kernels.step.assemble_step`
+    # None or float64 [4]: alpha_m, alpha_f, beta, gamma where equilibrium holds at the end of a step
     parameters: Array | None = None
     rho_inf: float | None = None
 
@@ -69,10 +59,7 @@ class Scheme:
 def choose_scheme(name: str, rho_inf: float | None, order: int, controlled: bool, model: Model) -> Scheme:
     """Return the scheme of a method of `simulate` with this order, with or without step control.
 
-    Raises
-    ------
-    SceneError
-        An unknown method, or arguments that do not go with it.
+    Raises SceneError: an unknown method, or arguments that do not go with it.
     """
     if not isinstance(name, str) or name not in METHODS:
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
@@ -110,15 +97,8 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     """Compute consistent accelerations and contact forces of a state from the equations of motion with the second derivative of
     every gap (index 1), into alpha.rates and state.force.
 
-    Parameters
-    ----------
-    residual : function of q'' [12 N]
-        Rows [6 N] of the nodes' equations, in the order of the nodes, without contact forces.
-
-    Raises
-    ------
-    ConvergenceError
-        Inertia is missing: accelerations are not determined.
+    residual: function of q'' [12 N], rows [6 N] of the nodes' equations, in the order of the nodes, without contact forces.
+    Raises ConvergenceError: inertia is missing: accelerations are not determined.
     """
     from scipy import sparse
     n, s = model.n_nodes, model.n_sliders

@@ -72,36 +72,18 @@ SAME_TURN = 1e-9
 class Stepper:
     """Stepper of one model; it owns the state and the work arrays.
 
-    Parameters
-    ----------
-    model : Model
-    weights : float64 [m]
-        Substeps of a step as fractions of it (theory.md 6).
-    state : State, optional
-        Start from here instead of the model's initial state.
-    max_iterations : int
-        Newton iterations a substep.
-    backend : {'auto', 'pardiso', 'superlu'}
-        Sparse solver, where the model needs one.
-    method : Scheme
-    t : float
-        Time of the state, s; some methods need the loads there.
-    memory : float64, optional
-        As `memory` gave it; default: consistent with the state.
-    augmentation : float
-        Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
-    threads : int, optional
-        Threads for condensed beams (default: see `thread_count`) and for PARDISO.
-    static, symmetric : bool
-        For statics: loads that change, PARDISO's symmetric factorisation.
-    strains : ReferenceStrains, optional
-        Those of the run, which several steppers may share.
-
-    Raises
-    ------
-    SceneError
-        The state is not one of this model, max_iterations, backend or augmentation is not usable, or its constraints are a dense
-        border that the memory does not hold.
+    weights: float64 [m], substeps of a step as fractions of it (theory.md 6).
+    state: start from here instead of the model's initial state.
+    max_iterations: Newton iterations a substep.
+    backend: {'auto', 'pardiso', 'superlu'}, sparse solver, where the model needs one.
+    t: time of the state, s; some methods need the loads there.
+    memory: as `memory` gave it; default: consistent with the state.
+    augmentation: factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
+    threads: threads for condensed beams (default: see `thread_count`) and for PARDISO.
+    static, symmetric: for statics: loads that change, PARDISO's symmetric factorisation.
+    strains: those of the run, which several steppers may share.
+    Raises SceneError: the state is not one of this model, max_iterations, backend or augmentation is not usable, or its
+        constraints are a dense border that the memory does not hold.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
@@ -198,12 +180,7 @@ class Stepper:
             self.contact = contact_of(core, at_rest=self._static)
 
     def _check_analyses(self) -> None:
-        """Refuse a model that does not go with the method or the substeps.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse a model that does not go with the method or the substeps. Raises SceneError."""
         if self.method.is_compared:
             require(Analysis.COMPARED, self.model, f"method {self.method.name!r}")
         if self.weights.size > 1:
@@ -406,13 +383,8 @@ class Stepper:
     def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
         """Return the error of an attempt; it names a law of the user's own where one has failed.
 
-        Parameters
-        ----------
-        error : ConvergenceError
-        text : str
-            Text that names the attempt.
-        rest : str
-            Text that tells where the results are.
+        text: text that names the attempt.
+        rest: text that tells where the results are.
         """
         failed = self.failed_law
         if failed.text:
@@ -425,13 +397,7 @@ class Stepper:
         forget(self.terms, self.law_work)
 
     def assemble_anew(self) -> None:
-        """Assemble residual and tangent of the present shape at rest.
-
-        Raises
-        ------
-        SceneError
-            A law of the user's own has failed.
-        """
+        """Assemble residual and tangent of the present shape at rest. Raises SceneError: a law of the user's own has failed."""
         self.forget_failures()
         self.parts.assemble(0.0)
         self.check_laws()
@@ -439,10 +405,7 @@ class Stepper:
     def check_laws(self) -> None:
         """Refuse equations that laws have put no numbers into.
 
-        Raises
-        ------
-        SceneError
-            Names the law, its time and what it was given.
+        Raises SceneError: names the law, its time and what it was given.
         """
         if has_failed(self.terms, self.law_work):
             failed = self.failed_law

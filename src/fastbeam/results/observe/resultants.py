@@ -78,12 +78,7 @@ class SectionForces:
 
 
 def span_of(who: str, model: Model, beam: Any) -> slice:
-    """Return the nodes of a beam of a model; who: the call and argument, for messages.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return the nodes of a beam of a model; who: the call and argument, for messages. Raises SceneError."""
     if not isinstance(beam, Beam):
         raise SceneError(f"{who}: needs a beam of the scene, got {shown(beam)}; of a net one of its beams, net.beam(k)")
     try:

@@ -42,14 +42,8 @@ Found = tuple[float, int, tuple[Any, ...]]
 class PathStep:
     """Step along a path, of which parts can be taken.
 
-    Parameters
-    ----------
-    solver : PathSolver
-        Solver at the end of the step. Eigenvalues are those of its judge.
-    before : tuple
-        State of the solver saved at the beginning of the step.
-    along : Direction
-    size : float
+    solver: solver at the end of the step. Eigenvalues are those of its judge.
+    before: state of the solver saved at the beginning of the step.
     """
 
     def __init__(self, solver: PathSolver, before: tuple[Any, ...], along: Direction, size: float) -> None:
@@ -138,12 +132,8 @@ class PathStep:
     def first(self, rates: tuple[float, float] | None, unstable: int | None, counted: int | None) -> CriticalPoint | None:
         """Find the first critical point, with the solver there; None, with the solver at the end, where there is none.
 
-        Parameters
-        ----------
-        rates : (float, float), optional
-            Rates of the load factor at the beginning and the end, where they differ in sign.
-        unstable, counted : int, optional
-            Negative eigenvalues of the tangent at the beginning and the end.
+        rates: (float, float), rates of the load factor at the beginning and the end, where they differ in sign.
+        unstable, counted: negative eigenvalues of the tangent at the beginning and the end.
         """
         known = unstable is not None and counted is not None
         found: list[Found] = []

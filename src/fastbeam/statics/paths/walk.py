@@ -134,9 +134,7 @@ class PathWalk:
         """Follow the path until this load factor, or a critical point of this kind; branch: number of the branch at the
         bifurcation where the path begins.
 
-        Raises
-        ------
-        ConvergenceError, Interrupted
+        Raises ConvergenceError or Interrupted.
         """
         bar = Progress(float(self.most), f"{self.model.scene_name}: path")
         try:
@@ -339,12 +337,7 @@ class PathWalk:
         return met[1], after
 
     def _first(self, to: float) -> Direction:
-        """Find the first direction.
-
-        Raises
-        ------
-        ConvergenceError
-        """
+        """Find the first direction. Raises ConvergenceError."""
         solver = self.solver
         # the start may not quite be an equilibrium
         sign = 1.0 if to > solver.factor else -1.0
@@ -360,12 +353,7 @@ class PathWalk:
         return along
 
     def _off(self, branch: int) -> Direction:
-        """Find the first direction on another path through a bifurcation.
-
-        Raises
-        ------
-        SceneError, ConvergenceError
-        """
+        """Find the first direction on another path through a bifurcation. Raises SceneError or ConvergenceError."""
         solver, judge = self.solver, self.solver.judge
         number = judge.unstable() or 0
         found, _ = judge.branches(number, self.step)
@@ -401,13 +389,7 @@ class PathWalk:
         return along if found is None or self.solver.product(along, found) < LEAST_COSINE else found
 
     def _shorten(self, bar: Progress) -> None:
-        """Halve the step.
-
-        Raises
-        ------
-        ConvergenceError
-            It is the smallest.
-        """
+        """Halve the step. Raises ConvergenceError: it is the smallest."""
         if self.step <= self.smallest:
             bar.close()
             solver, result = self.solver, self.finish()
@@ -461,10 +443,7 @@ class PathWalk:
     def _lost(self, step: PathStep, what: str, stop_at: str | None, bar: Progress) -> None:
         """Add an event about a change within a step that was not located; the next step is as long as before.
 
-        Raises
-        ------
-        ConvergenceError
-            The path ends at a critical point, which may be this one.
+        Raises ConvergenceError: the path ends at a critical point, which may be this one.
         """
         low, high = sorted((step.before[3], step.end[3]))
         text = f"between load factors {low:.12g} and {high:.12g} {what}, but the critical point was not located"
