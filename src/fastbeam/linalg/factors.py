@@ -183,6 +183,13 @@ def factoriser_for(backend: str, **options: Any) -> Factoriser | None:
     return None if mkl is None else Factoriser(mkl, **options)
 
 
+def solver_name(factoriser: Factoriser | None, unknowns: str) -> str:
+    """Return the name of the solver on these unknowns and its number of factorisations, for a result."""
+    if factoriser is None or not factoriser.count:
+        return f"SuperLU on {unknowns}"
+    return f"PARDISO on {unknowns}, {factoriser.count} factorisations, {factoriser.refused} left to SuperLU"
+
+
 class LU:
     """SuperLU's factors of one matrix, as `lu` returns them; `raw`: SciPy's object."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
-from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.factors import factoriser_for, solver_name
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.maps import RowMap
@@ -126,10 +126,7 @@ class SaddleSolver(StaticSolver):
     @property
     def name(self) -> str:
         """Linear solver and its number of factorisations, for the result."""
-        f = self._factoriser
-        if f is None or not f.count:
-            return "SuperLU on nodes and sliders"
-        return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
+        return solver_name(self._factoriser, "nodes and sliders")
 
     @cached_property
     def _records(self) -> tuple[Any, Any]:

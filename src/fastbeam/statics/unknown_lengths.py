@@ -11,7 +11,7 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
-from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.factors import factoriser_for, solver_name
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
@@ -182,10 +182,7 @@ class LengthSolver(Response):
     @property
     def name(self) -> str:
         """Linear solver and its number of factorisations, for the result."""
-        f = self._of_lengths
-        if f is None or not f.count:
-            return "SuperLU on nodes and lengths"
-        return f"PARDISO on nodes and lengths, {f.count} factorisations, {f.refused} left to SuperLU"
+        return solver_name(self._of_lengths, "nodes and lengths")
 
     @property
     def prestrains(self) -> Array:
