@@ -74,12 +74,12 @@ def _asked(one: Any, now: Now, memory: Array) -> float:
 class Sampling:
     """The controllers of a run.
 
-    t, step: start of the run and its step, s.
+    step: step of the run, s.
     controlled: whether steps are chosen by their error.
     Raises SceneError: step control, or steps that do not meet the times of a controller.
     """
 
-    def __init__(self, model: Model, t: float, step: float, controlled: bool, state: State) -> None:
+    def __init__(self, model: Model, step: float, controlled: bool, state: State) -> None:
         self.controllers = model.controllers
         if not self.controllers:
             return

@@ -244,7 +244,7 @@ class _Run(Encounters):
         self.interrupts = Interrupts()
         self.calls = Calls(stepper, self.interrupts)
         self.impacts = Impacts(model)
-        self.sampling = Sampling(model, clock.now, clock.step, control is not None, stepper.core_state)
+        self.sampling = Sampling(model, clock.step, control is not None, stepper.core_state)
         # whether the clock lags behind the state
         self.between = False
         self.locking = Locking(model)

@@ -24,6 +24,7 @@ from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.joints.coordinates import VALUE, WORK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import nearest_by
+from fastbeam.model.connections import components
 from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.maps import free_unknowns, mass_map, rates_map, velocities_and_spins
 from fastbeam.model.model import Model
@@ -197,15 +198,12 @@ def with_momenta(model: Model, state: State, before: State, after: State) -> Sta
 
 def _alone_on_meshes(model: Model) -> Array:
     """Return nodes of moving meshes to which no others are tied, bool [N]."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
     n, ties = model.n_nodes, model.ties
-    pairs = [np.stack((np.arange(n), model.pattern.first_on_row))]
+    pairs = [np.stack((np.arange(n), model.pattern.first_on_row), axis=1)]
     if ties is not None:
-        pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
-    a, b = np.concatenate(pairs, axis=1)
-    _, piece = connected_components(coo_matrix((np.ones(a.size, np.int8), (a, b)), shape=(n, n)), directed=False)
+        pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target), axis=1))
+    piece = components(n, np.concatenate(pairs))
     mesh = np.zeros(n, bool)
     mesh[model.moving.nodes] = True
     return mesh & (np.bincount(piece, ~mesh)[piece] == 0.0)

@@ -426,9 +426,9 @@ class Contacts:
             axis = np.einsum("ma,maj->mj", values, positions[nodes])
             for (k, slider, s), place in zip(some, axis):
                 nodes, shapes = shapes_at(self.model, k, float(state.s[k]), 0)
-                self._rounding(t, k, slider, beam, s, place - np.asarray(shapes[0] @ positions[nodes]))
+                self._rounding(t, slider, beam, s, place - np.asarray(shapes[0] @ positions[nodes]))
 
-    def _rounding(self, t: float, k: int, slider: Slider, beam: Beam, s: float, distance: Array) -> None:
+    def _rounding(self, t: float, slider: Slider, beam: Beam, s: float, distance: Array) -> None:
         """Note a slider at s of a beam whose curve lies so far beside the axis [3]."""
         off = float(np.linalg.norm(distance))
         if off > ROUNDED * self.model.length:

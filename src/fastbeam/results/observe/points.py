@@ -32,7 +32,7 @@ class PointSeries:
         self.places = {name: place_of(model, name, what) for name, what in given.items()}
         self.velocity, self.spin, self.orientation, self.acceleration = (
             kind in kinds and bool(given) for kind in ("velocity", "spin", "orientation", "acceleration"))
-        self.sections = [_section(model, name, what) for name, what in given.items()] if "section" in kinds else []
+        self.sections = [_section(model, what) for what in given.values()] if "section" in kinds else []
         # points on damped beams: number, and section
         self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
         # coordinates of these beams in the newest row
@@ -126,7 +126,7 @@ def _orthonormal(d: Array) -> Array:
     return np.asarray(u @ v)
 
 
-def _section(model: Model, name: str, what: Any) -> Sections | None:
+def _section(model: Model, what: Any) -> Sections | None:
     """Return the section of an observed point; None where it lies on no beam."""
     if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
         what = what.owner, float(what.owner.basis.node_s[what.index])
