@@ -246,10 +246,8 @@ def load_sweep(path: str | PathLike[str]) -> Sweep:
 
 # --- cases ------------------------------------------------------------------------------------------------------------------
 def list_cases(cases: Any) -> list[dict[str, Any]]:
-    """List all cases as dicts; combinations of the values of a mapping.
-
-    Raises SceneError: they are neither mappings nor lists of values.
-    """
+    """List all cases as dicts; combinations of the values of a mapping. Raises SceneError: they are neither mappings nor lists of
+    values."""
     if isinstance(cases, Mapping):
         lists = {name: list(values) if _is_list(values) else None for name, values in cases.items()}
         wrong = next((name for name, values in lists.items() if values is None or not isinstance(name, str)), None)

@@ -219,10 +219,8 @@ class Lines(NamedTuple):
 
 
 class Passes:
-    """Events of springs and line forces whose ends pass each other between consecutive equilibria.
-
-    event: takes an event {'kind', 'time', 'text'}.
-    """
+    """Events of springs and line forces whose ends pass each other between consecutive equilibria; event: takes an event {'kind',
+    'time', 'text'}."""
 
     def __init__(self, lines: Lines | None, event: Callable[[dict[str, Any]], None]) -> None:
         self._lines, self._event = lines, event
@@ -245,10 +243,8 @@ class Passes:
 
 
 def _tested(entry: Entry, table: Any) -> Any:
-    """Check the table of a kind from outside, which kernels use unchecked.
-
-    Raises TypeError: the table is no named tuple of arrays, or has no `assemble`.
-    """
+    """Check the table of a kind from outside, which kernels use unchecked. Raises TypeError: the table is no named tuple of
+    arrays, or has no `assemble`."""
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
         raise TypeError(f"{who} must be a named tuple of arrays, got {type(table).__name__}")

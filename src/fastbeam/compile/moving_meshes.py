@@ -230,10 +230,8 @@ class Rewritten(NamedTuple):
 
 
 def rewrite(scene: Scene) -> Rewritten | None:
-    """Return a scene in which contacts of moving meshes are joints; None without moving meshes.
-
-    Raises SceneError: names a part that moving meshes do not know.
-    """
+    """Return a scene in which contacts of moving meshes are joints; None without moving meshes. Raises SceneError: names a part
+    that moving meshes do not know."""
     parts = [part for part in scene.parts if isinstance(part, MovingMesh)]
     if not parts:
         return None

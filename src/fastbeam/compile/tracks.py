@@ -49,10 +49,8 @@ class Track:
 
 
 def contact_curve_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
-    """Return the curve of a slider, made once for all sliders on it.
-
-    Raises SceneError: beams of a path meet where nothing holds them together.
-    """
+    """Return the curve of a slider, made once for all sliders on it. Raises SceneError: beams of a path meet where nothing holds
+    them together."""
     key = (slider.beam, slider.curve, getattr(slider, "length", 0.0))
     if key not in nodes.tracks:
         on = slider.beam

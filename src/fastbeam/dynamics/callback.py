@@ -66,9 +66,7 @@ class Callback:
 
     def __call__(self, t: float, size: float, state: State) -> bool:
         """Call the function; return whether the run ends at time t, after a step of this size. state: a copy of the present one.
-
-        Raises SceneError: the function returned something else than True, False or None.
-        """
+        Raises SceneError: the function returned something else than True, False or None."""
         for x in state:
             x.flags.writeable = False
         times = (t, min(t + 0.5 * size, self.t_end))

@@ -177,10 +177,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
 
 def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False) -> Path:
     """Refuse a place where a checkpoint cannot or must not be written; `probe` finds out by writing an empty file beside it.
-    Returns the file itself where the path is a link to it.
-
-    Raises ResultFileError.
-    """
+    Returns the file itself where the path is a link to it. Raises ResultFileError."""
     named = Path(path)
     try:
         path = Path(os.path.realpath(named))
@@ -308,10 +305,8 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
 
 
 def start_clock(model: Model, start: Any, time: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
-    """Return state and clock at the start of a run.
-
-    Raises SceneError: the checkpoint is one of another model, or a time is given beside it.
-    """
+    """Return state and clock at the start of a run. Raises SceneError: the checkpoint is one of another model, or a time is given
+    beside it."""
     if not isinstance(start, Checkpoint):
         t = 0.0 if time is None else time
         return start, Clock(t, t, step, step, t)

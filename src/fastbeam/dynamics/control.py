@@ -34,10 +34,8 @@ LARGE_TURN, UNRESOLVED_TURN = 0.5, 0.5 * np.pi
 
 
 def composition(order: int) -> Array:
-    """Return the substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6).
-
-    Raises SceneError: the order is neither 2 nor 4.
-    """
+    """Return the substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6). Raises SceneError: the order is neither
+    2 nor 4."""
     if order not in (2, 4):
         raise SceneError(f"order: must be 2 or 4, got {order!r}")
     return WEIGHTS[order]
@@ -215,10 +213,7 @@ class StepSizes:
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
         """Take one accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK
-        without a step means that `stepper.stop` said so.
-
-        Raises ConvergenceError: the smallest step fails.
-        """
+        without a step means that `stepper.stop` said so. Raises ConvergenceError: the smallest step fails."""
         start = stepper.save()
         try:
             return self._accepted(stepper, start, t, h, step)
@@ -327,10 +322,8 @@ class StepSizes:
 
 
 def step_sizes(asked: StepControl, order: int, clock: Clock, t_end: float) -> StepSizes:
-    """Make the step control of a run, with bounds where none are given: a millionth of the first step, a tenth of the run.
-
-    Raises SceneError: the bounds are none, or doubles cannot tell apart times of smallest steps.
-    """
+    """Make the step control of a run, with bounds where none are given: a millionth of the first step, a tenth of the run. Raises
+    SceneError: the bounds are none, or doubles cannot tell apart times of smallest steps."""
     largest = 0.1 * (t_end - clock.origin) if asked.max_step is None else asked.max_step
     least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
     smallest = min(max(1e-6 * clock.step, least), largest) if asked.min_step is None else asked.min_step

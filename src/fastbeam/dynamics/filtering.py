@@ -54,10 +54,8 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], s
 
 
 class FilteringStepper(Stepper):
-    """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run.
-
-    lost: float64 [2], energies dissipated since the start and stored in the filters, J.
-    """
+    """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run; lost: float64 [2],
+    energies dissipated since the start and stored in the filters, J."""
 
     def __init__(self, model: Model, weights: Array, state: State | None, max_iterations: int, backend: str, method: Any,
                  t: float, memory: Array | None, augmentation: float, threads: int | None) -> None:

@@ -82,10 +82,7 @@ def between(x0: Array, x1: Array, v0: Array, v1: Array, h: float) -> Array:
 
 class Turning:
     """Parts of a scene with drag by the square of a velocity, which has a kink where this passes 0: the force v |v| has a jump in
-    its second derivative.
-
-    step: step of the run, s: what turns around from one step to the next has not been resolved.
-    """
+    its second derivative; step: step of the run, s: what turns around from one step to the next has not been resolved."""
 
     def __init__(self, model: Model, step: float) -> None:
         of, self.step, self.slow = model.dragged, step, ROUND_OFF * model.length / step

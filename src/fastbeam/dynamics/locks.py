@@ -68,10 +68,8 @@ class Awaited:
 
 
 class Locking:
-    """Locks and releases of all sliders of a model; `State.history` keeps those that are done.
-
-    model: Model with tables in space.
-    """
+    """Locks and releases of all sliders of a model; `State.history` keeps those that are done; model: Model with tables in
+    space."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

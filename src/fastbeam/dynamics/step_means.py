@@ -80,10 +80,8 @@ def forces_of(stepper: Stepper, found: Array) -> Array:
 
 
 def measuring(make: type[Stepper], method: Scheme, points: PointSeries) -> Any:
-    """Return the class of steppers of this kind whose outcomes hold means of `points`.
-
-    Raises SceneError: a method whose rows hold forces of their own time has no such means.
-    """
+    """Return the class of steppers of this kind whose outcomes hold means of `points`. Raises SceneError: a method whose rows
+    hold forces of their own time has no such means."""
     if method.at_end and points.acceleration:
         raise SceneError(f"observe: accelerations are means of the steps around a row, which method {method.name!r} does not "
                          "support; leave 'acceleration' out, or leave method out")

@@ -195,10 +195,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
 
 
 def _stepper_class(method: Scheme, order: int, model: Model, observe: Sequence[str]) -> Any:
-    """Choose the class of the stepper of a run, before what its points ask for.
-
-    Raises SceneError: a method that dissipates does not go with the order, the model or what is observed.
-    """
+    """Choose the class of the stepper of a run, before what its points ask for. Raises SceneError: a method that dissipates does
+    not go with the order, the model or what is observed."""
     if method.filters:
         check_filtered(order, model, observe)
         return FilteringStepper
@@ -371,10 +369,8 @@ class _Run(Encounters):
         self.rows.end(self.info)
 
     def _result(self, error: BaseException | None) -> Result:
-        """Return the result with its checkpoint, or raise what broke the run off, with the result until then.
-
-        Raises ConvergenceError or ResultFileError or Interrupted or Exception: as `simulate`.
-        """
+        """Return the result with its checkpoint, or raise what broke the run off, with the result until then. Raises
+        ConvergenceError or ResultFileError or Interrupted or Exception: as `simulate`."""
         clock = self.clock
         # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
         present = None if self.between else self.present()

@@ -325,11 +325,8 @@ class Sensitivity(Doubts):
 def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,
               held: bool | str | Sequence[str], backend: str) -> tuple[Family, Array]:
     """Return the scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was
-    called.
-
-    Raises SceneError: a value is no number, there is no such backend, or the scene has something whose derivatives by parameters
-        are not known.
-    """
+    called. Raises SceneError: a value is no number, there is no such backend, or the scene has something whose derivatives by
+    parameters are not known."""
     given = numbers_of(who, values, scale)
     check_backend(backend)
     family = Family(build, *given)

@@ -31,10 +31,8 @@ MODULES = ("adjoint", "critical_slopes", "errors", "mode_shapes", "responses", "
 
 
 def gone(since: str) -> str:
-    """Return the minor version that no longer knows an old name that `since` replaced: gone("0.2") is "0.4".
-
-    Raises ValueError: `since` is no version as "0.2".
-    """
+    """Return the minor version that no longer knows an old name that `since` replaced: gone("0.2") is "0.4". Raises ValueError:
+    `since` is no version as "0.2"."""
     parts = since.split(".")
     if len(parts) != 2 or not all(part.isdecimal() for part in parts):
         raise ValueError(f"since: a minor version as \"0.2\" is needed, got {since!r}")

@@ -55,10 +55,8 @@ OF_STEP = Limits(1e-13, 1e-8, 1e-2, 1e-12, 2, 2)
 
 
 class PardisoMemory:
-    """Memory of PARDISO for one structure and its values, freed with this object.
-
-    threads: threads of all calls: PARDISO crashes with fewer than it was analysed on.
-    """
+    """Memory of PARDISO for one structure and its values, freed with this object; threads: threads of all calls: PARDISO crashes
+    with fewer than it was analysed on."""
 
     def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
         self.tables, self.threads = tables, OnThreads(mkl, threads)
@@ -175,10 +173,8 @@ class Factoriser:
 
 
 def factoriser_for(backend: str, **options: Any) -> Factoriser | None:
-    """Make a factoriser with these options; None where SuperLU is wanted, or all there is.
-
-    Raises BackendError: backend='pardiso' without MKL.
-    """
+    """Make a factoriser with these options; None where SuperLU is wanted, or all there is. Raises BackendError: backend='pardiso'
+    without MKL."""
     mkl = mkl_for(backend)
     return None if mkl is None else Factoriser(mkl, **options)
 

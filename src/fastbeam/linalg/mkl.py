@@ -27,10 +27,8 @@ def load_mkl() -> Any | None:
 
 
 def mkl_for(backend: str) -> Any | None:
-    """Load the MKL runtime if a backend takes it; None with backend='superlu', and without MKL.
-
-    Raises BackendError: backend='pardiso' without MKL.
-    """
+    """Load the MKL runtime if a backend takes it; None with backend='superlu', and without MKL. Raises BackendError:
+    backend='pardiso' without MKL."""
     mkl = None if backend == "superlu" else load_mkl()
     if mkl is None and backend == "pardiso":
         raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")

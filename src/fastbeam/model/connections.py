@@ -155,10 +155,8 @@ class _Trees(NamedTuple):
 
 
 def _supported_roots(held: Array, touched: Array, root_of: Array, offset: Array, labels: Sequence[str]) -> Array:
-    """Pass pins of nodes on to their roots: masks of supports, int [n].
-
-    Raises SceneError: a pin at a distance from a root that may turn.
-    """
+    """Pass pins of nodes on to their roots: masks of supports, int [n]. Raises SceneError: a pin at a distance from a root that
+    may turn."""
     out, root = held.copy(), root_of[touched]
     pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
     np.bitwise_or.at(out, root_of[pinned], held[pinned])
@@ -293,10 +291,8 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
 
 
 def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callable[[int], str]) -> Array:
-    """Find ball joints between rigid sets, or supports of them, that joints before them connect already, int [L].
-
-    Raises SceneError: a joint between parts that are joined at the same point already.
-    """
+    """Find ball joints between rigid sets, or supports of them, that joints before them connect already, int [L]. Raises
+    SceneError: a joint between parts that are joined at the same point already."""
     if not len(ball):
         return np.zeros(0, np.int64)
     sides = root_of[ball]

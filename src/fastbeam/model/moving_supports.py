@@ -26,10 +26,8 @@ LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
 
 
 class PrescribedMotions(Feature):
-    """Prescribed motions of a scene, of which there is one at least.
-
-    Raises SceneError: a node follows another, moves twice, or begins elsewhere.
-    """
+    """Prescribed motions of a scene, of which there is one at least. Raises SceneError: a node follows another, moves twice, or
+    begins elsewhere."""
 
     key, title, order = "prescribed", "supports that move", 60
     lacks = (
@@ -100,10 +98,7 @@ class PrescribedMotions(Feature):
     def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
         """Return the increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6];
         tables: those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
-        [n, M, 3], or None.
-
-        Raises SceneError: a function fails, a step turns by half a turn, or a motion leaves the plane.
-        """
+        [n, M, 3], or None. Raises SceneError: a function fails, a step turns by half a turn, or a motion leaves the plane."""
         axes = None if plane is None else plane.axes
         out = np.zeros((len(times) - 1, len(self.motions), 6))
         for k, motion in enumerate(self.motions):
@@ -172,10 +167,8 @@ class PrescribedMotions(Feature):
 
 
 def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
-    """Return the rotations of a motion from each of these times to the next, [n, 3, 3].
-
-    Raises SceneError: a rotation is half a turn or more.
-    """
+    """Return the rotations of a motion from each of these times to the next, [n, 3, 3]. Raises SceneError: a rotation is half a
+    turn or more."""
     turns, vectors = zip(*(motion.turning(t) for t in times))
     out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])
     for k, (turn, before, after) in enumerate(zip(out, vectors[:-1], vectors[1:])):
@@ -195,10 +188,8 @@ def _axial(turn: Array) -> Array:
 
 
 def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:
-    """Build the feature of moving supports; None where no support moves.
-
-    Raises SceneError: a node follows another, moves twice, or begins elsewhere; a position does not begin at its node.
-    """
+    """Build the feature of moving supports; None where no support moves. Raises SceneError: a node follows another, moves twice,
+    or begins elsewhere; a position does not begin at its node."""
     if not scene.prescribed:
         return None
     found = PrescribedMotions(scene.prescribed, nodes, joints)
@@ -224,9 +215,7 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
 
 def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
     """Build the feature of supports that let go or take hold, or None; always: unknowns that the other supports fix, int64 [N].
-
-    Raises SceneError: the node of such a support follows another, or two supports hold one rigid part.
-    """
+    Raises SceneError: the node of such a support follows another, or two supports hold one rigid part."""
     every = [*scene.pins, *scene.clamps, *scene.prescribed]
     some = [(k, x) for k, x in enumerate(every) if x.until is not None or x.since is not None]
     if not some:

@@ -68,10 +68,8 @@ class Misfit:
 
 
 def own_state(model: Model, state: State) -> State:
-    """Return a checked copy of a state that fits the model; compiled code reads it without bounds.
-
-    Raises SceneError: the start is not a State, or is one of another model.
-    """
+    """Return a checked copy of a state that fits the model; compiled code reads it without bounds. Raises SceneError: the start
+    is not a State, or is one of another model."""
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
     found = [numbers(x) for x in state]

@@ -28,10 +28,8 @@ Array = np.ndarray
 
 
 class ReferenceStrains:
-    """Reference strains of one run, in the order of the tables of every form of its model.
-
-    beams: sequence of (slice, float), beams whose prestrains change: nodes, and the change at factor 1.
-    """
+    """Reference strains of one run, in the order of the tables of every form of its model; beams: sequence of (slice, float),
+    beams whose prestrains change: nodes, and the change at factor 1."""
 
     def __init__(self, beams: Sequence[tuple[slice, float]] = ()) -> None:
         self.beams = beams
@@ -112,10 +110,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False, strains: Refer
 
 
 def check_border(model: Model) -> None:
-    """Check that the memory of this computer holds the dense columns of constraints over all nodes.
-
-    Raises SceneError: names the number of constraints and what to do.
-    """
+    """Check that the memory of this computer holds the dense columns of constraints over all nodes. Raises SceneError: names the
+    number of constraints and what to do."""
     if not model.n_bordered or model.by_rows:
         return
     # the panel, its Schur complement, and arrays of PARDISO: right-hand sides, solutions, residuals and corrections

@@ -82,10 +82,8 @@ class ResultHeader:
 
 
 class ResultBuffer:
-    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
-
-    header: fixes the names and shapes of all series.
-    """
+    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`; header: fixes the names and shapes of all
+    series."""
 
     def __init__(self, header: ResultHeader) -> None:
         self.header = header

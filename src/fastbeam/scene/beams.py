@@ -489,10 +489,8 @@ for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
 
 
 def strained(who: str, section: Section, prestrain: float, prestress: float) -> Array:
-    """Return the six strains of a prestrain, or of the normal force prestress.
-
-    Raises SceneError: both are given, or the beam would have no length without stress.
-    """
+    """Return the six strains of a prestrain, or of the normal force prestress. Raises SceneError: both are given, or the beam
+    would have no length without stress."""
     if prestrain != 0.0 and prestress != 0.0:
         raise SceneError(f"{who}: give prestrain or prestress, not both")
     out = np.zeros(6)

@@ -42,9 +42,7 @@ class When:
 
 def truth(function: Any, t: float, s: float, rate: float) -> float | None:
     """Return the value of a condition as a number: it holds from 0 on, True is 1 and False is -1. None if it is not finite.
-
-    Raises Refusal: it takes other arguments, or fails.
-    """
+    Raises Refusal: it takes other arguments, or fails."""
     n = needed_arguments(function)
     if n != 3:
         raise Refusal(f"must take three arguments (t, s, rate), this function takes {n}")

@@ -56,10 +56,8 @@ def check_acting(who: str, slider: Slider) -> None:
 
 
 def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
-    """Check that contacts are not too near to each other or to an end of their beam, and that they can reach their stops.
-
-    Raises SceneError: names the slider, and says where it may be.
-    """
+    """Check that contacts are not too near to each other or to an end of their beam, and that they can reach their stops. Raises
+    SceneError: names the slider, and says where it may be."""
     near, length = NEAREST * beam.length, beam.length
     allowed = f"moving elements need contacts between {near:.4g} and {length - near:.4g} m of {beam.label}"
     for slider in sliders:

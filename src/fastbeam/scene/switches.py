@@ -294,10 +294,8 @@ def stops_on(switch: Switch, stops: Stops, track: int, by: Arrival) -> tuple[flo
 
 def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks: Sequence[Lock],
                  release: Release | None) -> None:
-    """Check stops, locks and a release of a slider that starts at arc length `at` of a switch.
-
-    Raises SceneError: a place lies on none of its tracks, stops exclude the start, or no track has an end to leave it.
-    """
+    """Check stops, locks and a release of a slider that starts at arc length `at` of a switch. Raises SceneError: a place lies on
+    none of its tracks, stops exclude the start, or no track has an end to leave it."""
     places = [(f"stops: {x}", getattr(stops, x, None)) for x in (START, END)]
     for what, place in (*places, *(("lock: at", x.at) for x in locks)):
         if isinstance(place, tuple):

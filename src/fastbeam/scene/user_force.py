@@ -112,10 +112,8 @@ class UserForce:
 
 
 def numbers_of_nodes(force: UserForce) -> Array:
-    """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
-
-    Raises SceneError: the function fails, or returns something else.
-    """
+    """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal. Raises SceneError: the function
+    fails, or returns something else."""
     given: Any = force.parameters
     if not callable(given):
         return np.array(given)[None]

@@ -149,10 +149,8 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
 
 
 def _way(model: Model, start: State | None, at_time: float | None) -> _SupportProgress | None:
-    """Return the path of supports that move; None where they stand at their places at the time of the loads.
-
-    Raises SceneError: a support of the start stands neither at its place at that time nor at its place at t = 0.
-    """
+    """Return the path of supports that move; None where they stand at their places at the time of the loads. Raises SceneError: a
+    support of the start stands neither at its place at that time nor at its place at t = 0."""
     if model.prescribed is None or at_time is None:
         return None
     begin = model.state() if start is None else start
@@ -183,10 +181,8 @@ def _at_rest(model: Model, factors: Array, way: _SupportProgress | None) -> Mode
 
 
 class _SupportProgress:
-    """Progress of supports on their path from t = 0 to their places at one time, s.
-
-    share, size: part of the path that is done, and that of the next step.
-    """
+    """Progress of supports on their path from t = 0 to their places at one time, s; share, size: part of the path that is done,
+    and that of the next step."""
 
     def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
         self.at_time, self.share = at_time, 0.0
@@ -349,10 +345,8 @@ class _Relaxation:
             bar.close()
 
     def _step(self, h: float, smallest: float) -> tuple[Outcome | None, float]:
-        """Take a step of size h, s; where it fails or goes too far none, and return a size to try.
-
-        Raises ConvergenceError: the size is the smallest, or a slider has run off its beam.
-        """
+        """Take a step of size h, s; where it fails or goes too far none, and return a size to try. Raises ConvergenceError: the
+        size is the smallest, or a slider has run off its beam."""
         saved = self.stepper.save()
         # laws of forces see the time in the middle of a step
         outcome = self.stepper.advance(self.at_time - 0.5 * h, h, 1)

@@ -60,10 +60,8 @@ class Found(NamedTuple):
 
 class ExactSolver(SlidingSolver):
     """Solver for equilibria with beams cut at their contacts. `state` is the equilibrium on the given mesh with all sliders held
-    exactly where they are, from which a run can start; `found` has the exact one.
-
-    Raises SceneError: a slider has a type that is not supported.
-    """
+    exactly where they are, from which a run can start; `found` has the exact one. Raises SceneError: a slider has a type that is
+    not supported."""
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, backend: str = "auto",
                  at_time: float = 0.0) -> None:

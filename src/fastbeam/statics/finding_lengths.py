@@ -224,10 +224,8 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
 
 
 def _beams_of(model: Model, lengths: Any) -> list[Beam]:
-    """Return the beams whose lengths are asked for.
-
-    Raises SceneError: they are not in the scene, stand twice, or there are none.
-    """
+    """Return the beams whose lengths are asked for. Raises SceneError: they are not in the scene, stand twice, or there are
+    none."""
     if isinstance(lengths, (str, bytes, Mapping, Beam)) or not isinstance(lengths, Sequence) or not lengths:
         raise SceneError(f"find_lengths, lengths: must be beams or names of beams, as in ['dropper 1', 'dropper 2'], got "
                          f"{shown(lengths)}")

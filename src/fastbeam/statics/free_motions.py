@@ -266,10 +266,8 @@ class _Alike:
 
 
 class _Spins:
-    """Spins of beams about their axes that supports allow, at one shape.
-
-    free: int [m], numbers of the parts that have one, ascending, without those that were left.
-    """
+    """Spins of beams about their axes that supports allow, at one shape; free: int [m], numbers of the parts that have one,
+    ascending, without those that were left."""
 
     def __init__(self, of: FreeMotions, matrix: Any, q: Array) -> None:
         self._of, self._matrix, n = of, matrix, matrix.shape[0]
@@ -319,10 +317,8 @@ class _Spins:
         return np.flatnonzero(np.abs(pushed) > most)
 
     def resisted(self, slack: Array | float) -> Array:
-        """Return parts whose spins the matrix resists.
-
-        slack: float64 [n], forces and moments that are neglected besides round-off.
-        """
+        """Return parts whose spins the matrix resists; slack: float64 [n], forces and moments that are neglected besides
+        round-off."""
         count, size, _ = self._of.nodes
         matrix, sizes = self._matrix, abs(self._matrix)
         there = type(matrix)((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)

@@ -46,10 +46,8 @@ def laws_grow(model: Model) -> bool:
 
 
 def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
-    """Return the path of loads that turn and of forces by laws; grow: whether loads at one time grow from zero, or stay.
-
-    Raises SceneError: between two times a law is no load that turns, or its function of time has no value to compare with.
-    """
+    """Return the path of loads that turn and of forces by laws; grow: whether loads at one time grow from zero, or stay. Raises
+    SceneError: between two times a law is no load that turns, or its function of time has no value to compare with."""
     forces = user_forces(model)
     if not isinstance(at_time, tuple):
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)

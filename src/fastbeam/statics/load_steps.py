@@ -87,10 +87,8 @@ class StaticTask:
     steady: Spin | Travel | None
 
     def solver(self) -> StaticSolver:
-        """Make the solver for this type of scene, at the start.
-
-        Raises SceneError: `contacts="exact"` does not support something in the scene.
-        """
+        """Make the solver for this type of scene, at the start. Raises SceneError: `contacts="exact"` does not support something
+        in the scene."""
         model, t = self.model, self.at_time or 0.0
         out: StaticSolver
         if self.contacts == "exact" and model.n_sliders:
@@ -132,10 +130,8 @@ def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space:
 
 
 class LoadSteps:
-    """Load steps to the equilibrium, with a row for each.
-
-    Raises SceneError: something is held by nothing, or what is observed does not exist.
-    """
+    """Load steps to the equilibrium, with a row for each. Raises SceneError: something is held by nothing, or what is observed
+    does not exist."""
 
     def __init__(self, task: StaticTask) -> None:
         self.task, self.solver = task, task.solver()
@@ -157,10 +153,8 @@ class LoadSteps:
             self.buffer.event({"kind": kind, "time": 0.0, "text": text})
 
     def find(self, load_step: float, largest_load_step: float) -> Result:
-        """Find the equilibrium, with load steps that begin with one size and stay below another.
-
-        Raises ConvergenceError or Interrupted.
-        """
+        """Find the equilibrium, with load steps that begin with one size and stay below another. Raises ConvergenceError or
+        Interrupted."""
         bar = Progress(1.0, f"{self.task.model.scene_name}: load")
         with _interruptible(self.solver, self.buffer, self._finish, bar):
             self._climb(load_step, largest_load_step, bar)
@@ -328,10 +322,7 @@ class LoadSteps:
 @contextmanager
 def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
     """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and raise Interrupted
-    with the result.
-
-    Raises Interrupted.
-    """
+    with the result. Raises Interrupted."""
     try:
         with Interrupts() as solver.interrupts:
             yield

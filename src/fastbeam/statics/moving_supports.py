@@ -198,10 +198,7 @@ class SupportPath(_Moving):
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
         """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
-        of `core`.
-
-        Raises SceneError: a support leaves the plane.
-        """
+        of `core`. Raises SceneError: a support leaves the plane."""
         return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
 
     def moved(self, q: Array, given: Array) -> Array:

@@ -35,10 +35,7 @@ class Wanted(NamedTuple):
 
 def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: str = "solve_path, stop") -> list[Wanted]:
     """Return the quantities and values that `stop=` of `solve_path`, or a similar argument, asks for; who: the function and the
-    argument.
-
-    Raises SceneError: it is no mapping of quantities to finite numbers, or a quantity does not exist.
-    """
+    argument. Raises SceneError: it is no mapping of quantities to finite numbers, or a quantity does not exist."""
     if stop is None:
         return []
     if not isinstance(stop, Mapping) or not stop:

@@ -133,10 +133,8 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
 
 
 def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Locked], int]:
-    """Return the number of a slider that friction can hold, or of a coordinate of a joint.
-
-    Raises SceneError: there is none of that name, or nothing that could hold it.
-    """
+    """Return the number of a slider that friction can hold, or of a coordinate of a joint. Raises SceneError: there is none of
+    that name, or nothing that could hold it."""
     names = model.names["sliders"]
     if slider in _twists(model) and slider not in names:
         of_joints = 0 if model.motions is None else model.motions.holds.rubs.size

@@ -41,10 +41,8 @@ UNBALANCED = 1e-9
 
 
 class Lengths:
-    """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them.
-
-    per_length: whether their weights go with their unstressed lengths.
-    """
+    """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them;
+    per_length: whether their weights go with their unstressed lengths."""
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
         self.model, self.beams, self.first = model, beams, np.array([beam.start_strain[0] for beam in beams])
@@ -131,10 +129,8 @@ class Condition(NamedTuple):
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
                   stays: Array) -> list[Condition]:
-    """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for.
-
-    Raises SceneError: one of them has no derivative, or is the arc length of a slider that stays.
-    """
+    """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for. Raises SceneError: one of them has no
+    derivative, or is the arc length of a slider that stays."""
     out = []
     for what, one in zip(conditions, wanted):
         at, axis, slider, size, part = None, -1, -1, model.length, ""

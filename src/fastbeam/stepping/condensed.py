@@ -49,10 +49,7 @@ ELEMENTS_A_THREAD = 2000
 
 def thread_count(threads: int | None, elements: int) -> int:
     """Choose the threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all
-    processors that this process may use and that have enough to do.
-
-    Raises SceneError: not a whole number >= 1.
-    """
+    processors that this process may use and that have enough to do. Raises SceneError: not a whole number >= 1."""
     if threads is not None:
         return count("threads", threads)
     named = os.environ.get("FASTBEAM_THREADS")

@@ -57,10 +57,8 @@ class Scheme:
 
 
 def choose_scheme(name: str, rho_inf: float | None, order: int, controlled: bool, model: Model) -> Scheme:
-    """Return the scheme of a method of `simulate` with this order, with or without step control.
-
-    Raises SceneError: an unknown method, or arguments that do not go with it.
-    """
+    """Return the scheme of a method of `simulate` with this order, with or without step control. Raises SceneError: an unknown
+    method, or arguments that do not go with it."""
     if not isinstance(name, str) or name not in METHODS:
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
     if rho_inf is not None and name not in ("generalized_alpha", "energy_momentum"):

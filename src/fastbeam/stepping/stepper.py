@@ -403,10 +403,8 @@ class Stepper:
         self.check_laws()
 
     def check_laws(self) -> None:
-        """Refuse equations that laws have put no numbers into.
-
-        Raises SceneError: names the law, its time and what it was given.
-        """
+        """Refuse equations that laws have put no numbers into. Raises SceneError: names the law, its time and what it was
+        given."""
         if has_failed(self.terms, self.law_work):
             failed = self.failed_law
             raise SceneError(failed.text) from failed.error

@@ -23,10 +23,8 @@ SHORTEST = 5e-4
 
 
 class Mesh:
-    """Beam with the sliders that its elements move with, in the order of their places.
-
-    Raises SceneError: the curvature of the beam changes along it.
-    """
+    """Beam with the sliders that its elements move with, in the order of their places. Raises SceneError: the curvature of the
+    beam changes along it."""
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
         self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)

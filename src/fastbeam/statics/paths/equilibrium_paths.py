@@ -198,10 +198,8 @@ class _Task:
         return found
 
     def first_solver(self, at_time: float | tuple[float, float] | None) -> tuple[PathSolver, str]:
-        """Make a solver at the start, with a judge in space, or with the reason why there is none.
-
-        Raises SceneError: the start is no equilibrium, or something is held by nothing.
-        """
+        """Make a solver at the start, with a judge in space, or with the reason why there is none. Raises SceneError: the start
+        is no equilibrium, or something is held by nothing."""
         model = self.model
         may_leave = model.plane is not None and not model.asked_for_plane
         # the scene leaves its plane with its supports, if it may
@@ -313,10 +311,8 @@ def _moves(model: Model, moves: Any) -> dict[int, Array]:
 
 
 def _prestrains(model: Model, prestrains: Any) -> ReferenceStrains:
-    """Return reference strains whose prestrains change until load factor 1.
-
-    Raises SceneError: no mapping of beams of the scene to finite numbers, or all are zero.
-    """
+    """Return reference strains whose prestrains change until load factor 1. Raises SceneError: no mapping of beams of the scene
+    to finite numbers, or all are zero."""
     if not isinstance(prestrains, Mapping) or not prestrains:
         raise SceneError(f"solve_path, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
     out = []

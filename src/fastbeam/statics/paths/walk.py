@@ -132,10 +132,7 @@ class PathWalk:
 
     def to(self, to: float, stop_at: str | None, branch: int | None) -> Result:
         """Follow the path until this load factor, or a critical point of this kind; branch: number of the branch at the
-        bifurcation where the path begins.
-
-        Raises ConvergenceError or Interrupted.
-        """
+        bifurcation where the path begins. Raises ConvergenceError or Interrupted."""
         bar = Progress(float(self.most), f"{self.model.scene_name}: path")
         try:
             with Interrupts() as self.solver.interrupts:
@@ -441,10 +438,8 @@ class PathWalk:
         return self.step > max(self.smallest, 0.0 if stop_at else FINEST * self.undivided)
 
     def _lost(self, step: PathStep, what: str, stop_at: str | None, bar: Progress) -> None:
-        """Add an event about a change within a step that was not located; the next step is as long as before.
-
-        Raises ConvergenceError: the path ends at a critical point, which may be this one.
-        """
+        """Add an event about a change within a step that was not located; the next step is as long as before. Raises
+        ConvergenceError: the path ends at a critical point, which may be this one."""
         low, high = sorted((step.before[3], step.end[3]))
         text = f"between load factors {low:.12g} and {high:.12g} {what}, but the critical point was not located"
         if stop_at is not None:
