@@ -379,7 +379,8 @@ class Links:
         out: dict[type, Lawful] = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
         for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
             parts, at = self.of(noun)
-            out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
+            out[table] = Lawful(parts, np.arange(len(parts)),
+                                lambda k, at=at: " and ".join(nodes.labels[i] for i in at[k].tolist()), asked_of)
         return [UserLaws(loaded.forces, between, out)] if loaded.forces or between else []
 
     @property
@@ -414,10 +415,6 @@ class Links:
         if self.ropes.winches:
             out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
-
-
-def _both(nodes: NodeList, at: Array, k: int) -> str:
-    return " and ".join(nodes.labels[i] for i in at[k].tolist())
 
 
 def _evaluators_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:

@@ -77,7 +77,7 @@ def state_between(model: Model, coarse: State, fine: State, step: float) -> Stat
     history = between(coarse.history, fine.history)
     # flags of sliders stand beside their energies
     flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
-    own, known = (model.own(x, "slider_forces").reshape(-1, HISTORY) for x in (history, fine.history))
+    own, known = (model.along_of(x) for x in (history, fine.history))
     own[:, flags] = known[:, flags]
     state = State(q.reshape(-1), v.reshape(-1), between(coarse.s, fine.s), fine.force.copy(), history)
     try:

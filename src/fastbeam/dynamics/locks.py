@@ -61,11 +61,6 @@ class Awaited:
     at: float | tuple[str, float] | None = None
     rests: bool = False
 
-    @property
-    def is_watched(self) -> bool:
-        """True where the state of every step has to be looked at."""
-        return self.at is not None or callable(self.when) or self.action == LAND
-
 
 class Locking:
     """Locks and releases of all sliders of a model; `State.history` keeps those that are done; model: Model with tables in
@@ -99,7 +94,7 @@ class Locking:
             # supports let go first: a node handed over is not held by both
             out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(engaged == 1.0).tolist() if of.until[k] is not None]
             out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(engaged == 0.0).tolist()]
-        own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+        own = self.model.along_of(state.history)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
                 out += [Awaited(k, LAND, None)] if slider.one_sided is not None else []
@@ -122,7 +117,7 @@ class Locking:
     # --- conditions ---------------------------------------------------------------------------------------------------
     def watch(self, state: State, t: float) -> bool:
         """Remember the values of conditions in a state, before a step; whether steps have to be looked at one by one."""
-        self._watched = [x for x in self.awaited(state) if x.is_watched]
+        self._watched = [x for x in self.awaited(state) if x.at is not None or callable(x.when) or x.action == LAND]
         self._before = self._values(state, t)
         return bool(self._watched or self.sided)
 
@@ -345,7 +340,7 @@ class Locking:
         if awaited.action == LOCK:
             gaps = ConstraintGaps(self.model).at(state.q, state.s)
             _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, x.v) * gaps.tangents[k])
-        own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+        own = self.model.along_of(state.history)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:
             own[k, HELD], own[k, LOCK_LOSS] = LOCKED, own[k, LOCK_LOSS] + loss

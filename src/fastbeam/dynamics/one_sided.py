@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.dynamics.velocity_jumps import blow, jump
 from fastbeam.kernels.contact.nearest_place import Sides, nearest_place_of
-from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
+from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, INCREMENT, SIGN, STICKS, STOP_LOSS
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.state import State
@@ -79,7 +79,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
         return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
 
     _, state, loss = blow(model, state, k, lead, change)
-    own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+    own = model.along_of(state.history)
     own[k, STOP_LOSS] += loss
     if stays:
         own[k, HELD], own[k, STICKS] = FREE, 0.0
@@ -88,7 +88,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
             # the blow of a drive that gives its velocity along the beam; its work counts as the drive's
             speed = model.slider_forces.speed_given(k, t)
             state, work = jump(model, state, k, np.eye(3), speed * tangent - of_point @ state.v)
-            own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+            own = model.along_of(state.history)
             own[k, DRIVE_WORK] -= work
             own[k, SIGN] = np.sign(speed)
     return state, loss, stays

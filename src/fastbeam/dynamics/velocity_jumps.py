@@ -11,7 +11,6 @@ from fastbeam.kernels.contact.slider_forces import (
     DRIVE_WORK,
     FREE,
     HELD,
-    HISTORY,
     INCREMENT,
     LOCKED,
     OFF,
@@ -67,7 +66,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     found = _with_stops(equations, history, bounces, rest or {})
     v = state.v + found.by
     if model.slider_forces is not None:
-        own = model.own(history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(history)
         after = equations.along_beams(v)
         moves = ~equations.given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(v)))
         if k is not None and k >= 0:
@@ -154,7 +153,7 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
 
     begin, after, loss = blow(model, state, k, np.eye(3), change)
     rate = gaps.along(k, begin.v)
-    own = model.own(after.history, "slider_forces").reshape(-1, HISTORY)
+    own = model.along_of(after.history)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
     if rate != 0.0:
@@ -236,7 +235,7 @@ class Equations:
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
         from scipy import sparse
         self.model, self.state = model, state
-        own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(state.history)
         rows = ConstraintGaps(model)
         self._gaps = gaps = rows.at(state.q, state.s)
         self.coordinates = gaps.rates[rows.coordinates]
@@ -308,7 +307,7 @@ class Equations:
     def _add_works(self, found: Least, history: Array) -> float:
         """Work of drives and motors that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
         model, state, impulses = self.model, self.state, found.impulses
-        own = model.own(history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(history)
         total = 0.0
         for j, at in self._drives.items():
             work = float(impulses[at:at + 3] @ self._gaps.tangents[j]) * self._gaps.along(j, state.v)

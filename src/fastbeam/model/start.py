@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.interface.arguments import LARGEST, numbers, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.slider import END_SLACK
-from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
+from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
@@ -254,7 +254,7 @@ def off_beam(model: Model, state: State) -> Array:
     """Return which sliders have left their beams, bool [S]."""
     if model.slider_forces is None:
         return np.zeros(model.n_sliders, bool)
-    return np.asarray(model.own(state.history, "slider_forces").reshape(-1, HISTORY)[:, HELD] == OFF)
+    return np.asarray(model.along_of(state.history)[:, HELD] == OFF)
 
 
 def _follows(model: Model) -> Array:

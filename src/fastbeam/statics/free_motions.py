@@ -179,8 +179,8 @@ class FreeMotions:
     def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
         """Return parts that supports let move otherwise than by free spins."""
         out = []
-        for alike, spin in zip(self._alike, spins.by_part):
-            rest = _without(alike.rigid(self, q), spin)
+        for alike in self._alike:
+            rest = _without(alike.rigid(self, q), spins.of_parts(alike))
             out += [_Near(self, whole, alike, j, rest[j][:, rest[j].any(axis=0)]) for j in np.flatnonzero(rest.any(axis=(1, 2)))]
         return out
 
@@ -281,11 +281,9 @@ class _Spins:
         self.free = np.unique(self._part[self._part >= 0])
         self._root = np.sqrt(np.abs(matrix.diagonal()))
 
-    @property
-    def by_part(self) -> list[Array]:
-        """Spins [parts, unknowns] of parts with equally many nodes, zero where there is none."""
-        return [np.where(self._part[alike.unknowns] == alike.numbers[:, None], self._spin[alike.unknowns], 0.0)
-                for alike in self._of._alike]
+    def of_parts(self, alike: Any) -> Array:
+        """Return the spins [parts, unknowns] of parts with equally many nodes, zero where there is none."""
+        return np.where(self._part[alike.unknowns] == alike.numbers[:, None], self._spin[alike.unknowns], 0.0)
 
     @property
     def motions(self) -> list[tuple[Array, Array]]:

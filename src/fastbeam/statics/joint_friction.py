@@ -201,10 +201,6 @@ class StaticJoints:
         """Return the forces and moments that hold the coordinates, N or N m, [R]."""
         return np.where(self.rows >= 0, self.solver.stepper.core_state.force[self.rows], 0.0)
 
-    def _largest_force(self) -> float:
-        """Return the largest constraint force, moments divided by the size of the scene, N."""
-        return float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
-
     def most(self) -> Array:
         """Return the largest friction under the present forces, [R]."""
         return np.concatenate([x.most() for x in self._parts])
@@ -236,7 +232,9 @@ class StaticJoints:
             if status != OK:
                 return status, sizes
             force, most = self.forces(), self.most()
-            size = ROUND_OFF * (self._largest_force() * self.solver.core.length / self.scales + most)
+            # the largest constraint force, moments divided by the size of the scene, N
+            largest = float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
+            size = ROUND_OFF * (largest * self.solver.core.length / self.scales + most)
             sticking = (sign == 0) & ~self.kept
             back = sticking & (force > most + size) & (self.at_stop >= 0)
             forth = sticking & (force < -most - size) & (self.at_stop <= 0)

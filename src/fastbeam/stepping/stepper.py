@@ -12,7 +12,7 @@ from fastbeam.interface.arguments import count, number
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import AT_REST, EVERYTHING, ITERATION, Calls, SystemRecord, Table, system_record
-from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS
+from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, SIGN, STICKS
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.entries.dense import Contact
@@ -227,7 +227,7 @@ class Stepper:
         rates, contact = empty(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
-        own = model.own(self.core_state.history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(self.core_state.history)
         moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
         start_twisting(model, self.core_state.history, *(x.reshape(-1, 4, 3) for x in state[:2]), state.s)
@@ -324,11 +324,6 @@ class Stepper:
         """Make more room for sliders as rows, of the kind that was too short."""
         assert self.contact is not None and self.rows is not None
         self._make_rows(larger_capacity(self.core, self.capacity, self.contact, self.rows))
-
-    @property
-    def _border_size(self) -> int:
-        """Doubles of the dense border of all sliders."""
-        return self.core.border_size
 
     @property
     def pivots_everywhere(self) -> bool:
@@ -493,7 +488,7 @@ class Stepper:
                 return fresh.after(result)
             past[0] = known
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
-        if self.pivots_everywhere or self._border_size > LARGEST_BORDER:
+        if self.pivots_everywhere or self.core.border_size > LARGEST_BORDER:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size

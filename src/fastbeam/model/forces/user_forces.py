@@ -131,7 +131,9 @@ class Loaded:
             at = q[self.node[np.argmax(self.of == k)]]
             try_law(force, compiled, at)
             addresses.append((address, slopes_of(force, compiled, _given(at))))
-            differences.append(differences_of(force) if force.derivative is None else 0)
+            # code that takes the derivative by differences; kept as long as the process
+            differences.append(0 if force.derivative is not None else
+                               int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address))
         along = np.array([isinstance(force.at, Beam) for force in self.forces], np.int64)
         grows = np.array([force.grows for force in self.forces], np.int64)
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, grows[self.of],
@@ -302,11 +304,6 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     the law."""
     make = _tension if isinstance(force, LineForce) else _compiled
     return machine_code(label_of(force), "law", lambda: make(force.law, rows_of(force).shape[1], *_time_of(force)))
-
-
-def differences_of(force: UserForce) -> int:
-    """Return the address of code that takes the derivative of a law by differences; kept as long as the process."""
-    return int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address)
 
 
 def rows_of(force: UserForce | LineForce | ForceElement | Drag) -> Array:

@@ -10,7 +10,7 @@ from fastbeam.interface.arguments import Listing, Names, Word
 from fastbeam.kernels import energies as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
-from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
+from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.loop import energy_of
 from fastbeam.kernels.state import State
@@ -178,7 +178,7 @@ class Observer:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
                                   rate)
-            history = model.own(state.history, "slider_forces").reshape(-1, HISTORY).copy()
+            history = model.along_of(state.history).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
         if self.balance:

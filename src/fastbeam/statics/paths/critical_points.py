@@ -164,7 +164,7 @@ class PathStep:
             self.solver.restore(limit[1])
             return CriticalPoint("limit", limit[0], min(unstable or 0, behind or 0), behind)
         if best is not None:
-            here = [x for x in found if self._is_at(x[0], best[0])]
+            here = [x for x in found if abs(x[0] - best[0]) <= TOGETHER * self.size]
             number = min(x[1] for x in here)
             way = 1 if number >= (unstable or 0) else -1
             self.solver.restore(best[2])
@@ -176,9 +176,6 @@ class PathStep:
         """Go so far."""
         self.solver.restore(self.before)
         return bool(self.solver.go(self.along, size))
-
-    def _is_at(self, a: float, b: float) -> bool:
-        return abs(a - b) <= TOGETHER * self.size
 
     def _turns(self, size: float, number: int, at: tuple[Any, ...]) -> bool:
         """Return whether the path is tangent to vectors of the eigenvalues that vanish at a saved state, at this part of the
