@@ -2,20 +2,18 @@
 (theory.md 15)."""
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fastbeam.compile.links import Passes
 from fastbeam.dynamics.control import failure
 from fastbeam.dynamics.interrupt import Interrupts
 from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
 from fastbeam.interface.deprecation import regrouped
-from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
+from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.loop import OK, SLIDER_END, external_forces
 from fastbeam.kernels.state import State
@@ -28,12 +26,13 @@ from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.progress import Progress
-from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.linear_response import place_events
 from fastbeam.statics.load_steps import stability
 from fastbeam.statics.moving_supports import SupportPath
+from fastbeam.statics.rows import StaticRows
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.outcome import Outcome
@@ -130,22 +129,9 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
     run = _Relaxation(model, at_rest, state, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
     run.held_in_space = check_supports(model, run.stepper.plane is not None, may_turn=True)
     for kind, text in notes:
-        run.buffer.event({"kind": kind, "time": 0.0, "text": text})
-    with run.interrupts:
-        try:
-            return run.go(step, most_steps, finish)
-        except ConvergenceError:
-            raise
-        except Exception as failed:
-            run.buffer.event({"kind": "failed", "time": run.t, "text": f"{type(failed).__name__}: {failed}"})
-            carry(failed, run.result)
-            raise
-        except KeyboardInterrupt as stopped:
-            run.interrupts.asked = False
-            result = run.result()
-            raise Interrupted(f"relax was interrupted after {run.steps} steps; the last shape is in .state, everything until "
-                              f"then "
-                              "in .result", result=result, state=result.state) from stopped
+        run.event(kind, 0.0, text)
+    with run.guarded(run.result, lambda: run.t, lambda: f"relax, step {run.steps}", "shape") as run.interrupts:
+        return run.go(step, most_steps, finish)
 
 
 def _way(model: Model, start: State | None, at_time: float | None) -> _SupportProgress | None:
@@ -226,7 +212,7 @@ class _Still(PrescribedMotions):
         return np.zeros(self._of.history_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
-class _Relaxation:
+class _Relaxation(StaticRows):
     """Damped motion from the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
@@ -237,16 +223,9 @@ class _Relaxation:
             own = State(start.q, 0.0 * start.v, start.s, start.force, start.history)
         self.stepper = Stepper(at_rest, np.ones(1), own, max_iterations, backend)
         self.stepper.core.stop(self.stepper.core_state)
+        super().__init__(model, "relax", ("energy", *observe), points, None, {"finished": False, "residual": np.inf})
         self.interrupts = Interrupts()
-        Observer(model, observe, points)
-        kinds = ("slider", "joint", "energy", *(kind for kind in observe if kind in ("section", "spring", "orientation")))
-        self.observer = Observer(model, kinds, points)
         self.meter = Observer(at_rest, ("energy",), None)
-        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
-                                     "residual": np.inf}
-        self.buffer = ResultBuffer(self.observer.header(self.info))
-        self.passes = Passes(model.lines, self.buffer.event)
-        self.begin = time.perf_counter()
         self.t = self.lost = 0.0
         self.steps = self.swings = self.iterations = 0
         self.held_in_space = True
@@ -268,20 +247,12 @@ class _Relaxation:
 
     def record(self, iterations: int, size: float) -> None:
         state = self.state()
-        row = {**self.observer.row(self.at_time, state), "iterations": iterations, "step_size": size}
-        if self.observer.needs_forces:
-            self.observer.add_forces(row, state.force)
-        self.buffer.append(row, self.t)
-        self.passes.look(state.q, self.t, f"the shape at t = {self.t:.6g} s")
-        q = state.q.reshape(-1, 4, 3)
-        self.buffer.snapshot(self.t, q[:, 0], q[:, 1:])
+        row = self.row(self.at_time, state, iterations, size, self.factors)
+        self.keep(self.t, row, state, f"the shape at t = {self.t:.6g} s")
 
     def result(self) -> Result:
-        result = self.buffer.close(self.info | {
-            "solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations, "swings": self.swings,
-            "energy_loss": self.lost, "wall_time": time.perf_counter() - self.begin})
-        result.state = self.state()
-        return result
+        return self.closed(self.state(), solver=self.stepper.linear.name, steps=self.steps, iterations=self.iterations,
+                           swings=self.swings, energy_loss=self.lost)
 
     def energies(self, state: State | None = None) -> tuple[float, float, float]:
         """Return kinetic, strain and potential energy, J: the last one of forces, moments have none."""
@@ -436,7 +407,7 @@ class _Relaxation:
         self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
         self.info |= {"finished": True, "residual": sizes[-1]} | told
         for kind, text in texts:
-            self.buffer.event({"kind": kind, "time": self.t, "text": text})
+            self.event(kind, self.t, text)
         self.iterations += len(sizes)
         self.record(len(sizes), 0.0)
         return True
@@ -462,7 +433,7 @@ class _Relaxation:
                 f"{last}. Increase most_steps, or use damping (damping= of sections, Drag(linear=)) and a run in time. Check "
                 "also that an equilibrium exists: a mechanism that a moment or a law turns for ever has none. The last shape is "
                 "in .state, everything until then in .result")
-        self.buffer.event({"kind": "stopped", "time": self.t, "text": text})
+        self.event("stopped", self.t, text)
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _ran_off(self, slider: int) -> ConvergenceError:

@@ -20,7 +20,7 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.results.observe.observer import OBSERVED, POINTS
 from fastbeam.results.observe.resultants import span_of
 from fastbeam.results.progress import Progress
-from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.results.result import Result
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.load_steps import KEPT, LONG, LoadSteps, StaticTask
@@ -60,15 +60,12 @@ class LengthSteps(LoadSteps):
     solver: LengthSolver
 
     def __init__(self, task: LengthTask, mass: str) -> None:
-        super().__init__(task)
+        names = [beam.name for beam in task.unknown.beams]
+        super().__init__(task, "lengths", series={"prestrains": (len(task.conditions),)}, names={"lengths": names})
+        self.info["mass"] = mass
         # loads act in full, at their time
         self.solver.set_time(task.at_time or 0.0, 1.0)
         _check_influence(self.solver.influence(), task.unknown.beams, task.conditions)
-        self.info |= {"method": "lengths", "mass": mass}
-        header = self.observer.header(self.info)
-        header.series["prestrains"] = (len(task.conditions),)
-        header.names["lengths"] = [beam.name for beam in task.unknown.beams]
-        self.buffer = ResultBuffer(header)
         task.unknown.strains.watch(self.observer.points.sections)
 
     def _also(self) -> dict[str, Any]:
@@ -104,7 +101,6 @@ class LengthSteps(LoadSteps):
                 # none nearby: whatever equilibrium there is
                 solver.may_leap, step = True, first
             else:
-                bar.close()
                 raise self._failure(status, sizes, reached)
 
     def _judge(self) -> None:
@@ -112,7 +108,7 @@ class LengthSteps(LoadSteps):
             text = (f"at a share of {share:.6g} of the conditions no equilibrium was found nearby, and a more distant one was "
                     f"used (motion of {extent:.3g}, in sizes of the scene and rad). Lengths or sliders jump there, for example "
                     "when a slider passes an element end of a mesh that is too coarse")
-            self.buffer.event({"kind": "leap", "time": share, "text": text})
+            self.event("leap", share, text)
         super()._judge()
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:

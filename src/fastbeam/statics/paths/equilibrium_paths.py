@@ -154,7 +154,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                     wanted_of(model, stop, points))
     path.aside = aside
     for kind, text in notes:
-        path.buffer.event({"kind": kind, "time": 0.0, "text": text})
+        path.event(kind, 0.0, text)
     growing.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
