@@ -34,6 +34,7 @@ from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.model import Model
 from fastbeam.model.start import AT_STOP
 from fastbeam.model.workspace import contact_of
+from fastbeam.scene.checks import called
 from fastbeam.scene.locks import END, START, STOP, truth
 from fastbeam.scene.switches import Switch, chosen, place_at, span_of
 
@@ -238,11 +239,7 @@ class Locking:
 
     def _support_asked(self, awaited: Awaited, state: State, t: float) -> float:
         name, what = self.model.released.names[awaited.slider], "until" if awaited.action == LET_GO else "since"
-        try:
-            found = awaited.when(t, State(*(x.copy() for x in state)))
-        except Exception as error:
-            text = f"{what} must not fail, but raises {type(error).__name__} at t = {t:.6g} s: {error}"
-            raise SceneError(f"{name}: {text}") from error
+        found = called(name, what, awaited.when, t, State(*(x.copy() for x in state)), where="at t = {:.6g} s")
         value = (1.0 if found else -1.0) if isinstance(found, (bool, np.bool_)) else real(found)
         if value is None or not np.isfinite(value):
             raise SceneError(f"{name}: {what} must return a finite number, or True or False, but returns {shown(found)} at t = "

@@ -170,26 +170,26 @@ class Factor:
     def __call__(self, value: Any) -> TimeFactor:
         if not callable(value) or isinstance(value, type):
             raise Refusal(f"must be a function of t that returns a number, or None, got {shown(value)}")
-        start = tried(value, 0.0, "at t = 0")
+        start = tried(value, "at t = 0", 0.0)
         clean = real(start)
         if clean is None or not abs(clean) <= LARGEST:
             raise Refusal(f"must return a finite number at t = 0, got {shown(start)}")
         return value
 
 
-def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
-    """Call a user function; if it raises an error, raise a Refusal that says so."""
+def tried(function: Callable[..., Any], where: str, *at: Any) -> Any:
+    """Call a user function; if it raises an error, raise a Refusal that says so; where: text with places for the arguments."""
     try:
-        return function(at)
+        return function(*at)
     except Exception as error:
-        text = f"must not fail, but raises {type(error).__name__} {where}: {error}"
+        text = f"must not fail, but raises {type(error).__name__} {where.format(*at)}: {error}"
         raise Refusal(f"{text:.200}") from error
 
 
-def called(who: str, what: str, function: Callable[[float], Any], t: float) -> Any:
-    """Call a user function at t. Raises SceneError: the function raised an error."""
+def called(who: str, what: str, function: Callable[..., Any], *at: Any, where: str = "at {:.6g}") -> Any:
+    """Call a user function, as `tried`. Raises SceneError: the function raised an error."""
     try:
-        return tried(function, t, f"at {t:.6g}")
+        return tried(function, where, *at)
     except Refusal as refusal:
         raise SceneError(f"{who}: {what} {refusal}") from refusal.__cause__
 
@@ -217,10 +217,7 @@ def field_values(who: str, what: str, value: FieldLike, s: Array) -> Array:
     s = np.atleast_1d(np.asarray(s, dtype=float))
     if not callable(value):
         return np.tile(value, (s.size, 1))
-    try:
-        values = tried(value, s, f"at s = {shown(s)}")
-    except Refusal as refusal:
-        raise SceneError(f"{who}: {what}(s) {refusal}") from refusal.__cause__
+    values = called(who, f"{what}(s)", value, s, where=f"at s = {shown(s)}")
     return np.array(array(who, f"{what}(s)", values, (s.size, 3), f"finite numbers of shape [n, 3] (here [{s.size}, 3])"))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.interface.errors import SceneError
-from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called_with, noun
+from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called_with, noun, tried
 from fastbeam.scene.slider_forces import Place, Stops, needed_arguments
 
 if TYPE_CHECKING:
@@ -46,11 +46,7 @@ def truth(function: Any, t: float, s: float, rate: float) -> float | None:
     n = needed_arguments(function)
     if n != 3:
         raise Refusal(f"must take three arguments (t, s, rate), this function takes {n}")
-    try:
-        found = function(t, s, rate)
-    except Exception as error:
-        text = f"must not fail, but raises {type(error).__name__} at t = {t:.6g}, s = {s:.6g}, rate = {rate:.6g}: {error}"
-        raise Refusal(f"{text:.200}") from error
+    found = tried(function, "at t = {:.6g}, s = {:.6g}, rate = {:.6g}", t, s, rate)
     if isinstance(found, (bool, np.bool_)):
         return 1.0 if found else -1.0
     value = real(found)

@@ -99,7 +99,7 @@ class Moving:
             raise Refusal(f"must be a function of t that returns {what}, got {shown(value)}")
         checks.refuse_jumps(value)
         try:
-            (_turning if self.turns else _Components(None))(tried(value, 0.0, "at t = 0"))
+            (_turning if self.turns else _Components(None))(tried(value, "at t = 0", 0.0))
         except Refusal as refusal:
             raise Refusal(f"at t = 0 {refusal}" if "must not fail" not in str(refusal) else str(refusal)) from refusal.__cause__
         return value

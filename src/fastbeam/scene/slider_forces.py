@@ -10,7 +10,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import Number, Refusal, checked, numbers, real, shown, take
 from fastbeam.interface.errors import SceneError
-from fastbeam.scene.checks import Factor, OfTimeLike, Takes, called, called_with, refuse_jumps
+from fastbeam.scene.checks import Factor, OfTimeLike, Takes, called, called_with, refuse_jumps, tried
 
 if TYPE_CHECKING:
     from fastbeam.scene.beams import Beam
@@ -85,10 +85,7 @@ class DrivingForce:
             raise Refusal(f"must take one argument (t) or three (t, s, rate), this function takes {n}")
         if n == 1:
             return Factor()(value)
-        try:
-            found = real(value(0.0, 0.0, 0.0))
-        except Exception as error:
-            raise Refusal(f"must not fail, but raises {type(error).__name__} at t = 0, s = 0, rate = 0: {error}"[:200]) from error
+        found = real(tried(value, "at t = 0, s = 0, rate = 0", 0.0, 0.0, 0.0))
         if found is None or not np.isfinite(found):
             raise Refusal("must return a finite number at t = 0, s = 0, rate = 0")
         return value

@@ -326,11 +326,8 @@ def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, sli
     elif isinstance(choose, list):
         found = next((name for time, name in reversed(choose) if time <= t), None)
     else:
-        try:
-            found = choose(t, state) if needed_arguments(choose) == 2 else choose(t, state, slider)
-        except Exception as error:
-            raise SceneError(f"{switch.label}: choose must not fail, but raises {type(error).__name__} at t = {t:.6g} s: {error}"
-                             ) from error
+        given = (t, state, slider)[:2 if needed_arguments(choose) == 2 else 3]
+        found = checks.called(switch.label, "choose", choose, *given, where="at t = {:.6g} s")
         found = found if isinstance(found, str) else getattr(found, "name", found)
         if found not in options:
             raise SceneError(f"{switch.label}: choose must return one of {', '.join(map(repr, options))}, but returns "

@@ -120,7 +120,7 @@ def numbers_of_nodes(force: UserForce) -> Array:
     assert isinstance(force.at, Beam)
     s, who = np.array(force.at.node_s), f"{checks.label(force.kind, force.name)}: parameters(s)"
     try:
-        found = tried(given, s, f"at s = {shown(s)}")
+        found = tried(given, f"at s = {shown(s)}", s)
     except Refusal as refusal:
         raise SceneError(f"{who} {refusal}") from refusal.__cause__
     return np.array(take(Numbers((s.size, None), f"finite numbers of shape [n, m] (here [{s.size}, m])"), who, found))

@@ -12,6 +12,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.slider_forces import CONTROL, FORCE, INCREMENT, LAW, NO_DRIVE, POSITION
 from fastbeam.model.forces.compiled_laws import compiled_drive, machine_code
 from fastbeam.model.forces.loads import means
+from fastbeam.scene.checks import called
 
 Array = np.ndarray
 # one-sided difference of fourth order, from values at the present time and at steps of SHORT s after it, as in
@@ -91,11 +92,7 @@ def value_at(drive: Any, who: str, what: str, t: float) -> float:
     value = getattr(drive, what)
     if not callable(value):
         return float(value)
-    try:
-        found = value(t)
-    except Exception as error:
-        text = f"must not fail, but raises {type(error).__name__} at {t:.6g}: {error}"
-        raise SceneError(f"{who}: {what} {text:.200}") from error
+    found = called(who, what, value, t)
     try:
         found = float(found)
     except (TypeError, ValueError):
