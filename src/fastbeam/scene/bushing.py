@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.interface.arguments import LARGEST, Name, Refusal, checked, constant, numbers, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.bodies import Node, PointMass
-from fastbeam.scene.checks import Array, ArrayField, FilledArray, Rotation, fill, noun
+from fastbeam.scene.checks import Array, ArrayField, FilledArray, as_rotation, fill, noun
 from fastbeam.scene.links import Link
 
 # entries that couple forces and rotations, relative to those on the diagonal, that are round-off
@@ -43,7 +43,7 @@ class Matrix:
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a bushing has two sides, write one for every pair"),
-         stiffness=Matrix("stiffness"), damping=Matrix("damping"), directors=Rotation())
+         stiffness=Matrix("stiffness"), damping=Matrix("damping"), directors=as_rotation)
 @noun
 class Bushing(Link):
     """Elastic connection without mass of two points with triads, in displacement and rotation: a bushing, an elastic support.

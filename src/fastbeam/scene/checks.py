@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, Union, datacl
 
 import numpy as np
 
-from fastbeam.interface.arguments import (LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown,  # noqa: F401
-    take)
+from fastbeam.interface.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take  # noqa: F401
 from fastbeam.interface.errors import SceneError
 
 if TYPE_CHECKING:
@@ -163,18 +162,15 @@ def refuse_jumps(value: Any) -> Any:
     return value
 
 
-@dataclass(frozen=True)
-class Factor:
+def as_factor(value: Any) -> TimeFactor:
     """Check of a function t -> factor; it is tried at t = 0."""
-
-    def __call__(self, value: Any) -> TimeFactor:
-        if not callable(value) or isinstance(value, type):
-            raise Refusal(f"must be a function of t that returns a number, or None, got {shown(value)}")
-        start = tried(value, "at t = 0", 0.0)
-        clean = real(start)
-        if clean is None or not abs(clean) <= LARGEST:
-            raise Refusal(f"must return a finite number at t = 0, got {shown(start)}")
-        return value
+    if not callable(value) or isinstance(value, type):
+        raise Refusal(f"must be a function of t that returns a number, or None, got {shown(value)}")
+    start = tried(value, "at t = 0", 0.0)
+    clean = real(start)
+    if clean is None or not abs(clean) <= LARGEST:
+        raise Refusal(f"must return a finite number at t = 0, got {shown(start)}")
+    return value
 
 
 def tried(function: Callable[..., Any], where: str, *at: Any) -> Any:
@@ -194,16 +190,13 @@ def called(who: str, what: str, function: Callable[..., Any], *at: Any, where: s
         raise SceneError(f"{who}: {what} {refusal}") from refusal.__cause__
 
 
-@dataclass(frozen=True)
-class Field:
+def as_field(value: Any) -> Any:
     """Check of three numbers, or a function s[n] -> [n, 3]."""
-
-    def __call__(self, value: Any) -> Any:
-        if not callable(value):
-            return Vector(value)
-        if isinstance(value, type):
-            raise Refusal(f"must be 3 finite numbers or a function of s[n] that returns [n, 3], got {shown(value)}")
-        return value
+    if not callable(value):
+        return Vector(value)
+    if isinstance(value, type):
+        raise Refusal(f"must be 3 finite numbers or a function of s[n] that returns [n, 3], got {shown(value)}")
+    return value
 
 
 def try_field(who: str, what: str, value: Any, length: float) -> None:
@@ -244,22 +237,19 @@ def default_triad(who: str, d1: Array, d2_hint: Any = None) -> Array:
     return triad_from(who, d1, across)
 
 
-@dataclass(frozen=True)
-class Rotation:
+def as_rotation(value: Any) -> Array:
     """Check of orthonormal right-handed rows (3, 3); input may deviate by 1e-6 and is cleaned (nearest rotation)."""
-
-    def __call__(self, value: Any) -> Array:
-        rows = Numbers((3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")(value)
-        defect = float(np.max(np.abs(rows @ rows.T - np.eye(3))))
-        if defect > 1e-6:
-            raise Refusal(f"must be three orthonormal rows, they deviate by {defect:.3g} (allowed: 1e-6)")
-        if np.linalg.det(rows) < 0.0:
-            raise Refusal("are left-handed; d3 must be d1 x d2")
-        exact = np.array_equal(rows @ rows.T, np.eye(3))
-        left, _, right = np.linalg.svd(rows)
-        return rows if exact else constant(left @ right)
+    rows = Numbers((3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")(value)
+    defect = float(np.max(np.abs(rows @ rows.T - np.eye(3))))
+    if defect > 1e-6:
+        raise Refusal(f"must be three orthonormal rows, they deviate by {defect:.3g} (allowed: 1e-6)")
+    if np.linalg.det(rows) < 0.0:
+        raise Refusal("are left-handed; d3 must be d1 x d2")
+    exact = np.array_equal(rows @ rows.T, np.eye(3))
+    left, _, right = np.linalg.svd(rows)
+    return rows if exact else constant(left @ right)
 
 
 def rotation(who: str, what: str, value: Any) -> Array:
     """Return three finite orthonormal rows."""
-    return take(Rotation(), f"{who}: {what}", value)
+    return take(as_rotation, f"{who}: {what}", value)

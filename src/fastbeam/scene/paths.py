@@ -12,7 +12,7 @@ import numpy as np
 from fastbeam.interface.arguments import Flag, Name, Number, Refusal, Vector, checked, shown, whole
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import ArcLengths, Beam, NodeRef, nearest_on
+from fastbeam.scene.beams import Beam, NodeRef, as_arc_lengths, nearest_on
 from fastbeam.scene.checks import Array, Named, Takes, noun
 from fastbeam.scene.nets import Net
 
@@ -24,14 +24,11 @@ MOST_BEAMS = 10**5
 MOST_ROUNDS = 1e6
 
 
-@dataclass(frozen=True)
-class ABeam:
+def as_beam(value: Any) -> Beam:
     """Check of a Beam."""
-
-    def __call__(self, value: Any) -> Beam:
-        if not isinstance(value, Beam):
-            raise Refusal(f"must be a Beam, got {shown(value)}{_hint(value)}")
-        return value
+    if not isinstance(value, Beam):
+        raise Refusal(f"must be a Beam, got {shown(value)}{_hint(value)}")
+    return value
 
 
 def _hint(value: Any) -> str:
@@ -136,7 +133,7 @@ class Path(Named):
         """Length of all beams, m; once around for a closed path."""
         return float(self.starts[-1])
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return the number of the beam, int [n], and the arc length on it [n], m, at arc lengths s[n] of the path.
 
@@ -167,7 +164,7 @@ class Path(Named):
         k, local = self.places(s)
         return self.beams[int(k[0])], float(local[0])
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def reference(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 along the path) at arc lengths s[n].
         On a beam that runs backwards d1 and d2 point against its own.
@@ -227,14 +224,11 @@ def check_path(path: Path, tolerance: float) -> None:
         raise SceneError(f"{path.label}: {one} and {other} do not meet, their distance is {gap:.6g} m; {cure}")
 
 
-@dataclass(frozen=True)
-class ATrack:
+def as_track(value: Any) -> Beam | Path:
     """Check of a Beam or Path."""
-
-    def __call__(self, value: Any) -> Beam | Path:
-        if isinstance(value, Path):
-            return value
-        try:
-            return ABeam()(value)
-        except Refusal as refusal:
-            raise Refusal(f"{refusal} (or a Path)") from None
+    if isinstance(value, Path):
+        return value
+    try:
+        return as_beam(value)
+    except Refusal as refusal:
+        raise Refusal(f"{refusal} (or a Path)") from None

@@ -27,9 +27,9 @@ from fastbeam.interface.arguments import (
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node
-from fastbeam.scene.checks import Array, Named, NodeField, Rotation, UntilLike, called, noun, tried
+from fastbeam.scene.checks import Array, Named, NodeField, UntilLike, as_rotation, called, noun, tried
 from fastbeam.scene.slider_forces import FORWARD, SHORT
-from fastbeam.scene.supports import AXES, SomeAxes, Until, check_since, mask_of
+from fastbeam.scene.supports import AXES, as_axes, as_until, check_since, mask_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -79,7 +79,7 @@ def _turning(value: Any) -> tuple[Array, Array | None]:
     """Return a rotation matrix (3, 3) from a rotation vector or from itself, and the vector, None if there is none."""
     found = numbers(value)
     if found is not None and found.shape == (3, 3):
-        return np.array(Rotation()(value)), None
+        return np.array(as_rotation(value)), None
     r = _three(value)
     angle = float(np.linalg.norm(r))
     x = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
@@ -105,8 +105,8 @@ class Moving:
         return value
 
 
-@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
-         until=Until(), since=Until())
+@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=as_axes,
+         until=as_until, since=as_until)
 @noun
 class PrescribedMotion(Named):
     """Prescribed motion of a node as a function of time: base excitation, moving supports, displacement control in time

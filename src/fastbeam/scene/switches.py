@@ -12,9 +12,9 @@ from fastbeam.interface.arguments import Name, Number, Refusal, Vector, Word, ch
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.synonyms import known
 from fastbeam.scene import checks
-from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
+from fastbeam.scene.beams import Beam, NodeRef, as_arc_lengths
 from fastbeam.scene.checks import Array
-from fastbeam.scene.paths import ABeam, Path
+from fastbeam.scene.paths import Path, as_beam
 from fastbeam.scene.slider_forces import needed_arguments
 
 if TYPE_CHECKING:
@@ -37,36 +37,30 @@ MEET = 1e-9
 AT_END = 1e-12
 
 
-@dataclass(frozen=True)
-class Tracks:
+def as_tracks(value: Any) -> tuple[Track, ...]:
     """Check of beams and open paths, at least two or one that leads into itself."""
-
-    def __call__(self, value: Any) -> tuple[Track, ...]:
-        if isinstance(value, (Beam, Path, str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
-            raise Refusal(f"must be a list of beams and paths, got {shown(value)}")
-        items = tuple(x if isinstance(x, Path) else ABeam()(x) for x in value)
-        if not items:
-            raise Refusal("is empty; name the beams and paths that sliders may run on")
-        for x in items:
-            if isinstance(x, Switch):
-                raise Refusal(f"holds {x.label}; give its tracks instead")
-            if isinstance(x, Path) and x.closed:
-                raise Refusal(f"contains {x.label}, which is closed and so has no end where a slider could leave it; open it at "
-                              "the switch (closed=False): its end then leads into its start")
-        names = [x.name for x in items]
-        if len(set(names)) < len(names):
-            raise Refusal("contains two tracks of the same name, which choose cannot distinguish")
-        return items
+    if isinstance(value, (Beam, Path, str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
+        raise Refusal(f"must be a list of beams and paths, got {shown(value)}")
+    items = tuple(x if isinstance(x, Path) else as_beam(x) for x in value)
+    if not items:
+        raise Refusal("is empty; name the beams and paths that sliders may run on")
+    for x in items:
+        if isinstance(x, Switch):
+            raise Refusal(f"holds {x.label}; give its tracks instead")
+        if isinstance(x, Path) and x.closed:
+            raise Refusal(f"contains {x.label}, which is closed and so has no end where a slider could leave it; open it at "
+                          "the switch (closed=False): its end then leads into its start")
+    names = [x.name for x in items]
+    if len(set(names)) < len(names):
+        raise Refusal("contains two tracks of the same name, which choose cannot distinguish")
+    return items
 
 
-@dataclass(frozen=True)
-class OneTrack:
+def as_one_track(value: Any) -> Track | str:
     """Check of a Beam, a Path or the name of one."""
-
-    def __call__(self, value: Any) -> Track | str:
-        if not isinstance(value, (Beam, Path, str)):
-            raise Refusal(f"must be one of the tracks or its name, got {shown(value)}")
-        return value
+    if not isinstance(value, (Beam, Path, str)):
+        raise Refusal(f"must be one of the tracks or its name, got {shown(value)}")
+    return value
 
 
 @dataclass(frozen=True)
@@ -152,7 +146,7 @@ class Switch(Path):
     tracks: tuple[Track, ...]
     choose: Chosen | None
 
-    @checked(name=Name(), tracks=Tracks(), choose=Choice())
+    @checked(name=Name(), tracks=as_tracks, choose=Choice())
     def __init__(self, name: str, tracks: Iterable[Track], *, choose: ChooseLike | None = None) -> None:
         beams = [x.beams if isinstance(x, Path) else (x,) for x in tracks]
         signs = [x.directions if isinstance(x, Path) else (1,) for x in tracks]
@@ -186,7 +180,7 @@ class Switch(Path):
         """Length of the longest track, m."""
         return self.gap
 
-    @checked(track=OneTrack())
+    @checked(track=as_one_track)
     def offset(self, track: Track | str) -> float:
         """Return the arc length of the switch at which a track begins, m.
 
@@ -204,7 +198,7 @@ class Switch(Path):
         begin, end = self.spans[k]
         return self.tracks[k], float(np.clip(s, begin, end) - begin)
 
-    @checked(track=OneTrack(), end=Word((START, END)))
+    @checked(track=as_one_track, end=Word((START, END)))
     def options(self, track: Track | str, end: str) -> tuple[str, ...]:
         """Return the names of the tracks on which a slider may go on from the end ('end') or 'start' of a track.
 
@@ -235,7 +229,7 @@ class Switch(Path):
         """Places of the start and end of every track at t = 0, [n, 2, 3]."""
         return np.array([track.reference([0.0, track.length])[0] for track in self.tracks])
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return number of the beam and arc length on it, as `Path.places`; between tracks those of the nearest end."""
         number, local = np.zeros(s.size, np.int64), np.zeros(s.size)

@@ -19,23 +19,19 @@ SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)
 DERIVATIVE = "(t, position, directors, velocity, spin, parameters, out)"
 
 
-class NodeOrBeam:
+def as_node_or_beam(value: Any) -> NodeRef | Beam:
     """Check of a node, body, point of one or mass; or a whole beam."""
-
-    def __call__(self, value: Any) -> NodeRef | Beam:
-        return value if isinstance(value, Beam) else Node()(value)
+    return value if isinstance(value, Beam) else Node()(value)
 
 
-class OfPlace:
+def as_function_of_place(value: Any) -> Any:
     """Check of a list of numbers, or a function s[n] -> [n, m]."""
-
-    def __call__(self, value: Any) -> Any:
-        if callable(value) and not isinstance(value, type):
-            return value
-        return Numbers((None,), "a list of numbers for the law, or along a beam a function of s[n] that returns [n, m]")(value)
+    if callable(value) and not isinstance(value, type):
+        return value
+    return Numbers((None,), "a list of numbers for the law, or along a beam a function of s[n] that returns [n, m]")(value)
 
 
-@checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=OfPlace(),
+@checked(name=Name(), at=as_node_or_beam, law=Function(SIGNATURE), parameters=as_function_of_place,
          dissipates=Flag(), derivative=Function(DERIVATIVE), grows=Flag())
 @noun
 class UserForce:
