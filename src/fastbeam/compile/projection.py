@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.maps import mass_map, velocity_map
 from fastbeam.model.model import Model
@@ -31,7 +32,6 @@ def project(model: Model, scene: Scene, v: Array, omega: Array, moving: tuple[Ar
     v, omega: float64 [N, 3], velocities and spins of the scene.
     moving: tuple of float64 [N, 3], velocities and spins of supports.
     """
-    from scipy import sparse
     rows = ConstraintGaps(model)
     gaps = rows.at(model.q0, model.s0)
     matrix, right = [], []

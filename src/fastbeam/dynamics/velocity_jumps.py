@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider_forces import (
     AGAINST,
     DRIVE_WORK,
@@ -167,7 +168,6 @@ def of_momenta(model: Model, state: State) -> State:
     """Return the state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none,
     to second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own:
     jumps begin here and end with `with_momenta`."""
-    from scipy import sparse
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
     to_rates, free = rates_map(model, q), free_unknowns(model, state)
     lift = to_rates[:, free]
@@ -233,7 +233,6 @@ class Equations:
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
-        from scipy import sparse
         self.model, self.state = model, state
         own = model.along_of(state.history)
         rows = ConstraintGaps(model)
@@ -292,7 +291,6 @@ class Equations:
 
     def least(self, more: Any, goals: Array) -> Least:
         """Find the jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
-        from scipy import sparse
         every = sparse.vstack([*self._rows, more], format="csr")
         x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
                                  np.zeros(self._free.size), self._free % 6 >= 3)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, regularised, grown, scales, stiffest
+from fastbeam.interface.lazy_import import sparse
+from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, grown, regularised, scales, stiffest
 from fastbeam.linalg.factors import factoriser_for
 
 Array = np.ndarray
@@ -21,7 +22,6 @@ PUSHED = 1e-9
 def with_still(pencil: Pencil, forces: Array) -> Pencil:
     """Return the pencil with a stiffness against those zero-energy motions, `Pencil.still`, that these forces [k] do not push:
     all other motions are orthogonal to them in the masses and do not see it."""
-    from scipy import sparse
     still = pencil.still
     if not still.shape[1]:
         return pencil
@@ -46,7 +46,6 @@ class DynamicStiffness:
 
     def __init__(self, pencil: Pencil, damping: Any, loss: Any = None, ratios: tuple[Array, Array, Array] | None = None,
                  backend: str = "auto") -> None:
-        from scipy import sparse
         self.pencil = pencil
         n = pencil.multiplier.size
         self._modes = 0 if ratios is None else ratios[1].size
@@ -93,7 +92,6 @@ class DynamicStiffness:
     def matrix(self, rate: complex) -> Any:
         """Return the matrix at a rate, sparse complex [n + m, n + m]; behind the others a row for every mode with a damping
         ratio."""
-        from scipy import sparse
         data = self._data[0] + complex(rate) * self._data[1] + rate * rate * self._data[2]
         if self._has_loss:
             data = data + 1j * self._data[3]

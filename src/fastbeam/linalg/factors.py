@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
@@ -219,14 +220,12 @@ def lu(matrix: Any, options: dict[str, Any] | None = None, least: float = 0.0) -
     matrix: sparse matrix [n, n].
     options: of SciPy's `splu`. Default: partial pivoting.
     """
-    from scipy.sparse.csgraph import structural_rank
-    from scipy.sparse.linalg import splu
     matrix = matrix.tocsc()
     # SuperLU writes beyond its arrays where a matrix is singular whatever its entries are (SciPy 1.17)
-    if not np.all(matrix.diagonal()) and structural_rank(matrix) < matrix.shape[0]:
+    if not np.all(matrix.diagonal()) and sparse.csgraph.structural_rank(matrix) < matrix.shape[0]:
         return None
     try:
-        found = LU(splu(matrix, **(options or {})))
+        found = LU(sparse.linalg.splu(matrix, **(options or {})))
     except RuntimeError:
         return None
     if least:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.linalg import band
 from fastbeam.linalg.factors import LU, SYMMETRIC_MODE, lu
 
@@ -71,7 +72,6 @@ class Blocks:
     @cached_property
     def by_rows(self) -> Any:
         """Matrix in scipy's format csr."""
-        from scipy import sparse
         data = np.ascontiguousarray(self._blocks[:, :, :self._size])
         indptr = np.searchsorted(self._rows, np.arange(self.n // self._size + 1))
         return sparse.bsr_matrix((data, self._columns, indptr), shape=(self.n, self.n)).tocsr()
@@ -124,7 +124,6 @@ class Terms:
     @property
     def matrix(self) -> Any:
         """Sparse matrix by columns."""
-        from scipy import sparse
         return sparse.csc_matrix((self._value, (self._row, self._column)), shape=(self.n, self.n))
 
 
@@ -217,7 +216,6 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
     Pivots of the matrix scaled to a diagonal of 1 and shifted by s and by -s count eigenvalues below -s and s, beyond doubt where
     s is far above round-off. Eigenvalues in between are computed: vectors by inverse iteration, values from differences of
     positions (`Form`), and a value is zero if it is round-off of the terms of its sum."""
-    from scipy import sparse
     count = negative_pivots(matrix)
     if count is not None:
         return count, 0
@@ -246,7 +244,6 @@ def held(matrix: Any, unknowns: Array) -> Any:
     """Return a matrix by rows with its largest diagonal entry added to the diagonal of some unknowns.
 
     With z, K z = 0, z_i not 0, the matrix K + k e_i e_i^T has one zero eigenvalue less than K, and as many negative ones."""
-    from scipy import sparse
     more = np.zeros(matrix.shape[0])
     more[unknowns] = float(np.max(np.abs(matrix.diagonal()), initial=0.0)) or 1.0
     return (matrix + sparse.diags(more)).tocsr()
@@ -386,7 +383,6 @@ def _pivots(matrix: Any) -> Array | None:
 
 def _below(matrix: Any, shift: float) -> int:
     """Count the eigenvalues of a symmetric matrix below a shift; -1 if the count is not found."""
-    from scipy import sparse
     pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
     return -1 if pivots is None else int(np.sum(pivots < 0.0))
 
@@ -394,7 +390,6 @@ def _below(matrix: Any, shift: float) -> int:
 def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
     """Return orthonormal vectors [n, m] among which are those of the `count` eigenvalues nearest to zero of a symmetric matrix
     with a diagonal of 1, which lie within this width."""
-    from scipy import sparse
     n = matrix.shape[0]
     # shift a little off zero, where the matrix is not singular
     factors = _factored((matrix + SHIFT * width * sparse.identity(n, format="csc")).tocsc())

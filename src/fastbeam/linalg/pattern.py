@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.linalg.chain import Elimination
 from fastbeam.kernels.linalg.pardiso import ANALYSE, UNSYMMETRIC
 from fastbeam.linalg.factors import PardisoMemory
@@ -112,7 +113,6 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
 
 def dissected(n: int, low: Array, high: Array) -> Array | None:
     """Return the rank of every node in the order of METIS; None without it."""
-    from scipy import sparse
     mkl = load_mkl()
     if mkl is None:
         return None
@@ -128,19 +128,17 @@ def dissected(n: int, low: Array, high: Array) -> Array | None:
 def breadth_first(n: int, coupled: Array) -> Array:
     """Return the rank of n rows, coupled [m, 2], in the reverse of a breadth-first search from the middle, as the kernel `sweep`
     finds it."""
-    from scipy import sparse
-    from scipy.sparse import csgraph
     low, high = coupled.T
     graph = sparse.csr_array((np.ones(2 * low.size), (np.concatenate((low, high)), np.concatenate((high, low)))), (n, n))
     rank = np.zeros(n, np.int64)
-    component = csgraph.connected_components(graph, directed=False)[1]
+    component = sparse.csgraph.connected_components(graph, directed=False)[1]
     roots, sizes = np.unique(component, return_index=True, return_counts=True)[1:]
     alone = roots[sizes == 1]
     rank[alone] = n - 1 - np.arange(alone.size)
     done = alone.size
     for root in roots[sizes > 1]:
         for turn in range(3):
-            found, came = csgraph.breadth_first_order(graph, root, directed=False)
+            found, came = sparse.csgraph.breadth_first_order(graph, root, directed=False)
             root = found[-1]
             if turn == 1:
                 route = [root]

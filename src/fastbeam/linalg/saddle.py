@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, refined
 from fastbeam.linalg.inertia import (
     SKEW,
@@ -67,7 +68,6 @@ class Saddle(Factors):
 
     def stiffened(self, by: float) -> Saddle:
         """Return the matrix with this much more on the diagonal of the coordinates, in scaled rows."""
-        from scipy import sparse
         more = np.where(self.multiplier, 0.0, by / (self.row * self.column))
         n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
         at = np.flatnonzero(indices == np.repeat(np.arange(n), np.diff(indptr)))
@@ -114,7 +114,6 @@ class Saddle(Factors):
     @cached_property
     def _near(self) -> Any:
         """Factors of the scaled matrix, or of one next to it; None if there are none."""
-        from scipy import sparse
         if self._last is not None:
             return self._last
         return lu(self.scaled + sparse.diags(np.where(self.multiplier, -SMALL, SMALL), format="csr"))
@@ -179,7 +178,6 @@ class Saddle(Factors):
 
 def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
     """Return numbers of negative and zero directions of a [n, n] where b x = 0, b [m, n]."""
-    from scipy import sparse
     found = None
     for penalty in PENALTIES:
         stiff = (a + penalty * (b.T @ b)).tocsc()
@@ -202,7 +200,6 @@ def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
 def is_positive(matrix: Any, multiplier: Array) -> bool:
     """Tell whether the symmetric part of a matrix by rows [n, n] is clearly positive on the motions that its constraints, the
     rows of multipliers [n], allow: all pivots of A + B^T D B are, with a D that brings B^T D B to the size of A."""
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
     n = multiplier.size
     row, column, data = np.arange(n).repeat(matrix.indptr[1:] - matrix.indptr[:-1]), matrix.indices, matrix.data
     above, left = multiplier[row], multiplier[column]
@@ -220,7 +217,7 @@ def is_positive(matrix: Any, multiplier: Array) -> bool:
     other = np.arange(one.size) + (first.repeat(size) - pairs.cumsum() + pairs).repeat(pairs)
     half, i, k = 0.5 * data[within], row[within], column[within]
     values = np.concatenate((half, half, weight.repeat(size)[one] * b[one] * b[other]))
-    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
+    order = sparse.csgraph.reverse_cuthill_mckee(matrix, symmetric_mode=True)
     number = np.empty(n, np.int64)
     number[order] = np.add.accumulate(~multiplier[order], dtype=np.int64) - 1
     i, k = number[np.concatenate((i, k, j[one]))], number[np.concatenate((k, i, j[other]))]

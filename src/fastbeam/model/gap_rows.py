@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.call_tables import ADDED, Calls, SystemRecord
@@ -103,7 +104,6 @@ class ConstraintGaps:
 
     def at(self, q: Array, s: Array) -> Gaps:
         """Evaluate the gaps and their rates at coordinates q [12 N] and places s [S] of sliders."""
-        from scipy import sparse
         n, contact = q.size // 12, self._contact
         values, tangents = self.values(q, s)
         if contact is None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import LARGEST, numbers, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider import END_SLACK
 from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.layout import TRIAD
@@ -362,7 +363,6 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     to admissible velocities: parts without support keep their momenta. t: time at which supports that move give the velocities
     of their nodes; None: they have those of the state.
     """
-    from scipy import sparse
     if off_beam(model, state).any():
         raise SceneError("start, mend: a slider is off its beam, which cannot be corrected; start from the state of a run "
                          "without mend")
@@ -421,14 +421,12 @@ def _close_rigidly(model: Model, rows: ConstraintGaps, state: State, q: Array, s
 
 def sparse_rows(*parts: Any) -> Any:
     """Stack sparse matrices below each other."""
-    from scipy import sparse
     return sparse.vstack(parts, format="csr")
 
 
 def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
     """Assemble the conditions of slave nodes, welded ends and supports: a matrix on velocities and spins of all nodes, sparse
     [m, 6 N], the errors of position [m], and the numbers of unknowns that supports, whose rows come last, fix."""
-    from scipy import sparse
     place = follow(model, q)
     led = np.flatnonzero(_follows(model))
     unit = sparse.eye(6 * len(q), format="csr")
@@ -617,7 +615,6 @@ def _moved_unknowns(model: Model, state: State) -> Array:
 def _across(model: Model, rows: ConstraintGaps, q: Array, s: Array) -> tuple[Any, Array]:
     """Move s to the nearest points, and return the gaps across the curves [2 S], of joints with multipliers and of directions in
     sleeves: their matrix on the coordinates, sparse, and values."""
-    from scipy import sparse
     of_sliders = 3 * np.arange(s.size)[:, None] + np.arange(3)
     for _ in range(20):
         gaps, tangents = rows.values(q.reshape(-1), s)

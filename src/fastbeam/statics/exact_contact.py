@@ -13,6 +13,7 @@ import numpy as np
 
 from fastbeam.compile.compile import Variant, compile_scene
 from fastbeam.compile.cut_beams import Acting, Along, Cut, energy_along
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider_forces import INCREMENT, POSITION
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
@@ -336,7 +337,6 @@ class ExactSolver(SlidingSolver):
 
     def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
         """Return derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
-        from scipy import sparse
         return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
 
     def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:

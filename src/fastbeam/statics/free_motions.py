@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.inertia import Nodes, strained
 from fastbeam.model.model import Model
 
@@ -407,8 +408,6 @@ def _pivots(matrix: Any, x: Array) -> Array:
 
 def _parts(model: Model) -> list[Part]:
     """Find beams and bodies that are joined rigidly, because they share triads."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     names = model.names
     groups = [(f"beam {x['name']!r}", np.arange(x["first"], x["first"] + x["count"])) for x in names["beams"]]
     for net in names.get("nets", []):
@@ -422,8 +421,8 @@ def _parts(model: Model) -> list[Part]:
     triad = np.asarray(model.spin_root)[model.pattern.first_on_row]
     member = np.repeat(np.arange(len(groups)), [len(x) for _, x in groups])
     m, n, nodes = len(groups), model.n_nodes, np.concatenate([x for _, x in groups])
-    graph = coo_matrix((np.ones(nodes.size), (member, m + triad[nodes])), shape=(m + n, m + n))
-    which = np.unique(connected_components(graph, directed=False)[1][:m], return_inverse=True)[1]
+    graph = sparse.coo_matrix((np.ones(nodes.size), (member, m + triad[nodes])), shape=(m + n, m + n))
+    which = np.unique(sparse.csgraph.connected_components(graph, directed=False)[1][:m], return_inverse=True)[1]
     d1 = model.q0.reshape(-1, 4, 3)[:, 1]
     out = []
     for group in np.split(np.argsort(which, kind="stable"), np.cumsum(np.bincount(which))[:-1]):

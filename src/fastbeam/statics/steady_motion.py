@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from fastbeam.interface.arguments import LARGEST, Anything, Number, Vector, checked, real, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.layout import layout_of
 from fastbeam.model.analyses import Analysis, require
@@ -150,7 +151,6 @@ def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
 
 def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
     """Form the matrices of a steady motion of a model in space. Raises SceneError: a beam is not in the scene."""
-    from scipy import sparse
     n = model.n_nodes
     if isinstance(motion, Travel):
         once, twice = (sparse.kron(x, sparse.eye(3), format="csr") for x in _along(who, model, motion))
@@ -167,7 +167,6 @@ def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
 def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
     """Form int v m N N' ds and int v^2 m N' N' ds of beams that travel with speed v, m the inertia of positions and directors,
     sparse [4 N, 4 N] each."""
-    from scipy import sparse
     n = model.n_nodes
     speed = np.zeros(n)
     inside = np.full(n, -1)
@@ -238,7 +237,6 @@ class SteadyForces:
 
     def stiffness(self, q: Array) -> Any:
         """Return minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
-        from scipy import sparse
         x, of = q.reshape(-1, 4, 3), self._map
         lead = of.rates(q)
         # a force on a director turns with it: of the moment d x f by a spin, as in the tangent of beams; only the sum of all of

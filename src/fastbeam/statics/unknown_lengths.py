@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.factors import factoriser_for, solver_name
@@ -228,7 +229,6 @@ class LengthSolver(Response):
 
     def _slopes(self, state: State, n: int) -> Any:
         """Return derivatives of the conditions by all unknowns, sparse [m, n]."""
-        from scipy import sparse
         m = len(self.conditions)
         by_q, by_s = sparse.lil_matrix((m, state.q.size)), sparse.lil_matrix((m, n - self.nodes))
         for j, condition in enumerate(self.conditions):
@@ -309,7 +309,6 @@ class LengthSolver(Response):
     def _solved(self, off: Array) -> Array | None:
         """Solve for increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are
         none."""
-        from scipy import sparse
         saddle, right, push, slopes, direct = self.bordered()
         m = off.size
         whole = Saddle(sparse.bmat([[saddle.matrix, sparse.csr_matrix(-push)], [slopes, sparse.csr_matrix(direct)]]).tocsr(),

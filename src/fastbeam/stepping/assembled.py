@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import ADDED, Calls
 from fastbeam.kernels.contact.slider import NoSleeves, Sliding
@@ -46,7 +47,6 @@ class Entries(NamedTuple):
 
     def matrix(self, rows: int, columns: int) -> Any:
         """Put the entries into a sparse matrix by rows, [rows, columns]."""
-        from scipy import sparse
         return sparse.csr_matrix((self.value, (self.row, self.column)), shape=(rows, columns))
 
 
@@ -282,7 +282,6 @@ class SaddleMatrix:
 
     def _merge(self, keys: Array) -> None:
         """Form the structure with entries of constraints at these keys, row n + column, ascending."""
-        from scipy import sparse
         at = self._keys.searchsorted(keys)
         new = (self._keys[np.minimum(at, self._keys.size - 1)] != keys).nonzero()[0]
         before = np.bincount(at[new], minlength=self._keys.size + 1).cumsum()

@@ -8,6 +8,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import number
 from fastbeam.interface.errors import ConvergenceError, SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.beams import generalized_alpha as kernels
 from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.empty_arrays import empty
@@ -98,7 +99,6 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     residual: function of q'' [12 N], rows [6 N] of the nodes' equations, in the order of the nodes, without contact forces.
     Raises ConvergenceError: inertia is missing: accelerations are not determined.
     """
-    from scipy import sparse
     n, s = model.n_nodes, model.n_sliders
     rates = alpha.rates.reshape(9, n, 6)
     q, v = state.q.reshape(n, 4, 3), state.v.reshape(n, 4, 3)
