@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -39,16 +39,12 @@ from fastbeam.scene import BallJoint, Bushing, Damper, DistanceJoint, ForceEleme
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.links import Link, label_of
 
+if TYPE_CHECKING:
+    from fastbeam.compile.order import Blocks
+
 Array = np.ndarray
 # largest way of the ends of a spring past each other in a step of step control, as a share of its length
 SHORT_PASSAGE = 2e-3
-
-
-class Blocks(Protocol):
-    """Numbers of the blocks of the tangent."""
-
-    def between(self, a: Array, b: Array) -> Array:
-        """Return the blocks that couple nodes, int [n]."""
 
 
 class Ends:

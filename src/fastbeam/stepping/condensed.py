@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,10 @@ from fastbeam.kernels.terms import Equilibrium, advance_nodes, apply_ties, assem
 from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.workspace import condensed_of, scratch_of
 from fastbeam.stepping.carriers import Group, Shared, Workspace
-from fastbeam.stepping.iteration import Iteration, Owner
+from fastbeam.stepping.iteration import Iteration
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 Chunk = tuple[int, int]
@@ -140,7 +143,7 @@ class CondensedIteration(Iteration):
         terms, system = self.owner.records
         return self._panel.on(system) if self._carriers else (terms, system)
 
-    def __init__(self, owner: Owner, threads: int) -> None:
+    def __init__(self, owner: Stepper, threads: int) -> None:
         super().__init__(owner)
         self.team = Team(threads)
         model = owner.core

@@ -2,43 +2,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.call_tables import SystemRecord, Table
-from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.loop import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
-from fastbeam.kernels.state import IN_FALLBACK, MORE_ITERATIONS, State, Work
-from fastbeam.kernels.terms import System
-from fastbeam.linalg.linear_system import LinearSystem
-from fastbeam.model.model import Model
+from fastbeam.kernels.state import IN_FALLBACK, MORE_ITERATIONS
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 # status of a step that was left before its end
 LEFT = -1
-
-
-class Owner(Protocol):
-    """Owner of the state and the work arrays: a `stepper.Stepper`."""
-
-    core: Model
-    core_state: State
-    work: Work
-    inner: Inner | None
-    contact: Contact | None
-    terms: tuple[Any, ...]
-    linear: LinearSystem
-
-    @property
-    def system(self) -> System:
-        """Data that all terms share."""
-
-    @property
-    def records(self) -> tuple[Table, SystemRecord]:
-        """Terms and system as compiled code takes them."""
 
 
 def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, after: Callable[[list[float]], int],
@@ -79,7 +57,7 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, af
 class Iteration:
     """Newton iteration around SuperLU, on one thread."""
 
-    def __init__(self, owner: Owner) -> None:
+    def __init__(self, owner: Stepper) -> None:
         self.owner = owner
 
     def hold(self) -> None:
