@@ -117,13 +117,9 @@ class Moving(Feature):
     def gaps(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the distances between neighbouring contacts and ends of beams at coordinates [12 N], the smallest allowed, and
         the lengths of the beams, m."""
-        found, least, lengths = [], [], []
-        for table in self.tables:
-            spacings = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
-            found.append(spacings)
-            least.append(np.full(spacings.size, table.length[1]))
-            lengths.append(np.full(spacings.size, table.length[0]))
-        return np.concatenate(found), np.concatenate(least), np.concatenate(lengths)
+        found = [np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1]))) for table in self.tables]
+        lengths, least = np.repeat([table.length[:2] for table in self.tables], [x.size for x in found], axis=0).T
+        return np.concatenate(found), least, lengths
 
     def at_end(self, gap: int, q: Array) -> dict[str, Any]:
         """Return the event of a contact at the end of its range, by the number of the gap."""
