@@ -35,20 +35,43 @@ class _Moving(ABC):
     it."""
 
     ahead = 0.0
+    model: Model
+    own: Array        # int64 [M]: nodes of the supports
+    moves: Array      # [M, 6]: rates of displacements and rotation vectors of supports in space by the load factor
     _size: float
-
-    @property
-    @abstractmethod
-    def moves(self) -> Array:
-        """Rates of displacements and rotation vectors of supports in space by the load factor, [M, 6]."""
+    _nodes: Array     # nodes that move, also those in the row of a support
+    _of_nodes: Array  # number of the support that each moves with
 
     @abstractmethod
     def begin(self, share: float) -> None:
         """Count turns from where supports are at this load factor."""
 
     @abstractmethod
+    def _label(self, k: int) -> str:
+        """Return the name of support k in messages."""
+
+    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
+        """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
+        of `core`. Raises SceneError: a support leaves the plane."""
+        x = np.zeros((core.pattern.n, 6 if axes is None else 3))
+        flat = given
+        if axes is not None:
+            off = _off_plane(given, axes)
+            if np.any(off > OUT_OF_PLANE * self._size):
+                raise SceneError(f"{self._label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
+                                 "planar=False")
+            flat = np.concatenate((given[:, :3] @ axes[:2].T, given[:, 3:] @ axes[2:].T), axis=1)
+        np.add.at(x, core.pattern.row_of[self.own], flat)
+        return x
+
     def moved(self, q: Array, given: Array) -> Array:
-        """Return coordinates [12 N] with the supports, and what hangs rigidly on them, moved by increments `given`."""
+        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`: position and
+        Cayley vector."""
+        out = q.reshape(-1, 4, 3).copy()
+        for node, x in zip(self._nodes, given[self._of_nodes]):
+            out[node, 0] += x[:3]
+            out[node, 1:] = turned(out[node, 1:][None], x[None, 3:])[0]
+        return follow(self.model, out).reshape(-1)
 
     def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
         """Return gaps (a function of coordinates) with the supports moved by increments `given`, with `ahead` to first order."""
@@ -77,7 +100,7 @@ class SupportPath(_Moving):
                  who: str = "solve_static") -> None:
         self.of = model.prescribed
         require(Analysis.AT_TIME, model, who)
-        self.own = self.of.own
+        self.own, self._nodes, self._of_nodes = self.of.own, self.of.nodes, self.of.motion_of_node
         self._along, self._turns = fixed_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
         between = isinstance(at_time, tuple)
         self.model, self.from_start = model, from_start or between
@@ -196,14 +219,8 @@ class SupportPath(_Moving):
             out += self.ahead * self.moves
         return out if out.any() else None
 
-    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
-        of `core`. Raises SceneError: a support leaves the plane."""
-        return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
-
-    def moved(self, q: Array, given: Array) -> Array:
-        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`."""
-        return _moved(self.model, q, self.of.nodes, given[self.of.motion_of_node])
+    def _label(self, k: int) -> str:
+        return str(self.of.motions[k].label)
 
 
 class StaticShift(_Moving):
@@ -217,12 +234,11 @@ class StaticShift(_Moving):
 
     def __init__(self, model: Model, moves: dict[int, Array], q: Array, share: float) -> None:
         self.model, self.share, self._first = model, share, share
-        self.own, self._moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
+        self.own, self.moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
         self._start = q.reshape(-1, 4, 3)[self.own].copy()
         self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
-        self._turns = np.flatnonzero(self._moves[:, 3:].any(axis=1))
-        shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
-        self._move_of_node = shared
+        self._turns = np.flatnonzero(self.moves[:, 3:].any(axis=1))
+        self._of_nodes, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._reached = share
         # turns at the start of supports that turn by a function
         self._turned: Array | None = None
@@ -230,11 +246,6 @@ class StaticShift(_Moving):
     def begin(self, share: float) -> None:
         """Count turns from this load factor on."""
         self._reached = share
-
-    @property
-    def moves(self) -> Array:
-        """Displacements and rotation vectors at load factor 1, straight and about one axis each, [M, 6]."""
-        return self._moves
 
     def pending(self, now: Array) -> Array | None:
         """Return missing increments, see `SupportPath.pending`, with those of `ahead` added."""
@@ -261,13 +272,8 @@ class StaticShift(_Moving):
                 for j in np.flatnonzero(self.own == of.own[k]):
                     out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
 
-    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """Return increments of supports as increments of rows, see `SupportPath.rows`. Raises SceneError."""
-        return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
-
-    def moved(self, q: Array, given: Array) -> Array:
-        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`."""
-        return _moved(self.model, q, self._nodes, given[self._move_of_node])
+    def _label(self, k: int) -> str:
+        return str(self.model.labels[self.own[k]])
 
 
 def _turns_left(triads: Array, now: Array) -> Array:
@@ -283,15 +289,6 @@ def _turns_left(triads: Array, now: Array) -> Array:
     return np.where(np.abs(vector) <= ROUND_OFF, 0.0, vector)
 
 
-def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
-    """Return coordinates [12 N] with nodes [n], and what follows them, moved by position and Cayley vector [n, 6]."""
-    out = q.reshape(-1, 4, 3).copy()
-    for node, x in zip(nodes, given):
-        out[node, 0] += x[:3]
-        out[node, 1:] = turned(out[node, 1:][None], x[None, 3:])[0]
-    return follow(model, out).reshape(-1)
-
-
 def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
     """Return whether displacements and rotation vectors [6] lead out of the plane of a model."""
     if model.plane is None or not moves:
@@ -304,20 +301,6 @@ def coordinates_of(stepper: Any, nodes: Array) -> Array:
     """Return coordinates in space [M, 4, 3] of some nodes of a stepper."""
     q = stepper.core_state.q
     return q.reshape(-1, 4, 3)[nodes] if stepper.plane is None else stepper.plane.vectors_of(q[None], nodes, True)[0]
-
-
-def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, label: Callable[[int], str]) -> Array:
-    """Return motions [M, 6] of nodes as increments of rows."""
-    x = np.zeros((core.pattern.n, 6 if axes is None else 3))
-    flat = given
-    if axes is not None:
-        off = _off_plane(given, axes)
-        if np.any(off > OUT_OF_PLANE * size):
-            raise SceneError(f"{label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
-                             "planar=False")
-        flat = np.concatenate((given[:, :3] @ axes[:2].T, given[:, 3:] @ axes[2:].T), axis=1)
-    np.add.at(x, core.pattern.row_of[own], flat)
-    return x
 
 
 def _off_plane(given: Array, axes: Array) -> Array:
