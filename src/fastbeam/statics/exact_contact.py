@@ -22,7 +22,7 @@ from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.reactions import reactions_of
-from fastbeam.statics.slider_friction import ALONG_ONLY, RESERVE
+from fastbeam.statics.slider_friction import ALONG_ONLY
 from fastbeam.statics.sliding import ROUNDS, TO_END, SlidingSolver
 from fastbeam.stepping.assembled import Equations
 
@@ -433,32 +433,23 @@ class ExactSolver(SlidingSolver):
         return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
 
     def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
-        along, accepted, ends, on_mesh = self.along, self.found, [], super()._stick_interval(k, factors)
-        assert along is not None and accepted is not None
-        modes = [x.copy() for x in along.modes]
-        along.reserve = 0.0
-        for sign, end in zip((1, -1), on_mesh):
+        accepted, on_mesh = self.found, super()._stick_interval(k, factors)
+        assert accepted is not None
+
+        def slide(sign: int) -> tuple[int, float]:
+            end = on_mesh[int(sign < 0)]
             if not np.isfinite(end) or end == self.ends[k, int(sign < 0)]:
                 # it does not slip before the end of its beam
-                ends.append(end)
-                continue
-            along.modes.sign[:] = 0
-            along.modes.sign[k], along.modes.at_stop[k] = sign, 0
-            self.runaway = -1
-            try:
-                s, free = accepted.cut.s.copy(), np.flatnonzero(self.sliding)
-                s[k] = end
-                looked = self._moved(accepted._replace(ahead=[]), s, np.zeros(0), factors, free)
-                if looked is None:
-                    looked = self._looked_at(accepted.cut, accepted.solver, factors, free)
-                status, found = (NOT_CONVERGED, accepted) if looked is None else self._slid(looked, factors)
-                runs_off = status == SLIDER_END and self.runaway == k
-                ends.append(float(self.ends[k, int(sign < 0)] if runs_off else found.cut.s[k] if status == OK else np.nan))
-            finally:
-                for x, was in zip(along.modes, modes):
-                    x[:] = was
-        along.reserve = RESERVE
-        return ends[0], ends[1]
+                return OK, end
+            s, free = accepted.cut.s.copy(), np.flatnonzero(self.sliding)
+            s[k] = end
+            looked = self._moved(accepted._replace(ahead=[]), s, np.zeros(0), factors, free)
+            if looked is None:
+                looked = self._looked_at(accepted.cut, accepted.solver, factors, free)
+            status, found = (NOT_CONVERGED, accepted) if looked is None else self._slid(looked, factors)
+            return status, float(found.cut.s[k])
+
+        return self._where_slip_ends(k, slide)
 
     def forces_along(self) -> dict[str, float]:
         """Return the forces that hold sliders in their places along their beams, N, by name."""

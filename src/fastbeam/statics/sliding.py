@@ -8,6 +8,7 @@ then (`slider_friction.py`).
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -39,24 +40,30 @@ class SlidingSolver(SaddleSolver):
     """Solver for equilibria whose sliders move to where no force pushes them along their beams."""
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
-        before = self._saved()
+        before, status = self.kept(), NOT_CONVERGED
         self.stepper.forget_failures()
-        at_stop = None if self.along is None else self.along.modes.at_stop.copy()
-        joints = None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy())
-        status = NOT_CONVERGED
         try:
             self._led = None
             status, sizes = self._equilibrium(factors)
-            if status == OK and self._leaps(before[0], factors):
+            if status == OK and self._leaps(before[0][0], factors):
                 status = NOT_CONVERGED
         finally:
             if status != OK:
-                self._restore(before)
-                if self.along is not None:
-                    self.along.modes.at_stop[:] = at_stop
-                if self.joints is not None:
-                    self.joints.values, self.joints.at_stop = joints
+                self.take_back(before)
         return status, sizes
+
+    def kept(self) -> tuple[Any, ...]:
+        """Return everything that a later equilibrium depends on."""
+        return (self._saved(), None if self.along is None else self.along.modes.at_stop.copy(),
+                None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy()))
+
+    def take_back(self, kept: tuple[Any, ...]) -> None:
+        """Return to what `kept` returned."""
+        self._restore(kept[0])
+        if self.along is not None:
+            self.along.modes.at_stop[:] = kept[1]
+        if self.joints is not None:
+            self.joints.values, self.joints.at_stop = (x.copy() for x in kept[2])
 
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         if self.turns_too_far:
@@ -121,23 +128,33 @@ class SlidingSolver(SaddleSolver):
         """Find the arc lengths between which slider k rests under load factors [K] by its friction, the others with friction
         staying where they are: from the last equilibrium to both ends, where friction is fully used; NaN where none is found. The
         state is the same after it."""
-        along, state = self.along, self.stepper.core_state
-        assert along is not None
         self._load(factors)
         self._loads[:] = self.work.f_ext
-        before, modes = self._saved(), [x.copy() for x in along.modes]
-        along.reserve, found = 0.0, []
+        before = self._saved()
+
+        def slide(sign: int) -> tuple[int, float]:
+            try:
+                return self._release()[0], float(self.stepper.core_state.s[k])
+            finally:
+                self._restore(before)
+
+        return self._where_slip_ends(k, slide)
+
+    def _where_slip_ends(self, k: int, slide: Callable[[int], tuple[int, float]]) -> tuple[float, float]:
+        """Return where slider k comes to rest with friction pushing it towards its last and its first place, NaN where nothing is
+        found. slide: returns, by the sign of the friction, a status and the arc length there."""
+        along, found = self.along, []
+        assert along is not None
+        modes, along.reserve = [x.copy() for x in along.modes], 0.0
         for sign in (1, -1):
             along.modes.sign[:] = 0
             along.modes.sign[k], along.modes.at_stop[k] = sign, 0
-            # friction pushes towards the end that is looked for
             self.runaway = -1
             try:
-                status, _ = self._release()
+                status, s = slide(sign)
                 runs_off = status == SLIDER_END and self.runaway == k
-                found.append(float(self.ends[k, int(sign < 0)] if runs_off else state.s[k] if status == OK else np.nan))
+                found.append(float(self.ends[k, int(sign < 0)]) if runs_off else s if status == OK else np.nan)
             finally:
-                self._restore(before)
                 for x, was in zip(along.modes, modes):
                     x[:] = was
         along.reserve = RESERVE

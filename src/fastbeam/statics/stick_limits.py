@@ -175,20 +175,10 @@ class _Locked(ABC):
     def margin(self) -> float:
         """Return the share of its friction that is left."""
 
-    def saved(self) -> tuple[Any, ...]:
-        """Return everything that a later equilibrium depends on."""
-        along, joints = self.solver.along, self.solver.joints
-        return (self.solver._saved(), None if along is None else along.modes.at_stop.copy(),
-                None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
-
-    def restore(self, saved: tuple[Any, ...]) -> None:
-        """Restore what `saved` returned."""
-        self.solver._restore(saved[0])
-        if self.solver.along is not None:
-            self.solver.along.modes.at_stop[:] = saved[1]
-        if self.solver.joints is not None:
-            self.solver.joints.values, self.solver.joints.at_stop = (x.copy() for x in saved[2])
-            self.solver.hold_joints()
+    def restore(self, kept: tuple[Any, ...]) -> None:
+        """Return to what `SlidingSolver.kept` returned."""
+        self.solver.take_back(kept)
+        self.solver.hold_joints()
 
     @property
     def state(self) -> State:
@@ -231,7 +221,7 @@ def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) 
     if left <= 0.0:
         # it has slipped, and rests at the end of its interval
         return start, held.state
-    saved, step = held.saved(), FIRST * (1.0 + abs(start)) * (1.0 if end > start else -1.0)
+    saved, step = held.solver.kept(), FIRST * (1.0 + abs(start)) * (1.0 if end > start else -1.0)
     while True:
         if a == end:
             return (np.inf if end > start else -np.inf), held.state
@@ -245,7 +235,7 @@ def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) 
         beyond = held.margin()
         if beyond < 0.0:
             return _root(held, load, saved, (a, left), (b, beyond))
-        a, left, saved = b, beyond, held.saved()
+        a, left, saved = b, beyond, held.solver.kept()
         step *= 2.0
 
 
@@ -263,7 +253,7 @@ def _root(held: _Locked, load: Callable[..., bool], saved: tuple[Any, ...], low:
         if abs(margin) <= ROUND_OFF or abs(b - a) <= EXACT * (1.0 + abs(a)):
             return x, held.state
         if margin > 0.0:
-            a, left, saved = x, margin, held.saved()
+            a, left, saved = x, margin, held.solver.kept()
             beyond *= 0.5 if side > 0 else 1.0
             side = 1
         else:
