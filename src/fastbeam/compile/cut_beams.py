@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.compile.unpack import points_of
+from fastbeam.model.maps import spins
 from fastbeam.model.tables import strain_gradient, strains_of
 from fastbeam.scene import Beam, Crossing, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider
 from fastbeam.scene.beams import NodeRef
@@ -371,7 +372,7 @@ def _slopes_at_nodes(p: int, h: float, q: Array) -> tuple[Array, Array]:
     """Return the derivatives by the arc length of positions and spins [p + 1, 3] at the nodes of an element of length h."""
     unit = _unit(p)
     slope = np.einsum("an,nic->aic", unit.curve("own").evaluate(unit.node_s)[2], q - q[:1]) / h
-    return slope[:, 0], 0.5 * np.cross(q[:, 1:], slope[:, 1:]).sum(axis=1)
+    return slope[:, 0], spins(q, slope)
 
 
 def _way(p: int, sides: list[tuple[float, Array]]) -> Array:

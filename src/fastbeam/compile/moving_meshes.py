@@ -18,6 +18,7 @@ from fastbeam.kernels.state import State
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from fastbeam.model.feature import Feature, OfRun
+from fastbeam.model.maps import spins
 from fastbeam.model.workspace import moving_of_run
 from fastbeam.scene import (
     BallJoint,
@@ -300,12 +301,12 @@ def initial(rewritten: Rewritten, numbered: Numbered, pack: Callable[[Scene, Unp
         here, there = nodes.span(part), before.nodes.span(part)
         nodes.phi[here] = q_old[there, 0]
         v[here] = v_old[there, 0]
-        spin[here] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+        spin[here] = spins(q_old[there], v_old[there])
     for key, arm in nodes.arms.items():
         there = before.nodes.arms.get(key)
         if there is not None:
             nodes.phi[arm], v[arm] = q_old[there, 0], v_old[there, 0]
-            spin[arm] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+            spin[arm] = spins(q_old[there], v_old[there])
     for mesh in rewritten.meshes:
         span, d = nodes.span(mesh.beam), nodes.directors[nodes.span(mesh.beam)]
         rates = np.zeros(len(mesh.sliders))

@@ -17,6 +17,7 @@ from fastbeam.interface.paths import check_new
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, lacking
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.results.result import Result
@@ -63,17 +64,13 @@ def triads_between(coarse: Array, fine: Array) -> Array:
     return np.asarray(c * fine + s * np.cross(n, fine) + (1.0 - c) * np.sum(n * fine, axis=-1, keepdims=True) * n)
 
 
-def _spins(q: Array, v: Array) -> Array:
-    return 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
-
-
 def state_between(model: Model, coarse: State, fine: State, step: float) -> State:
     """Return the extrapolated state, corrected to the nearest one that joints and sliders allow."""
     q, v = np.zeros((model.n_nodes, 4, 3)), np.zeros((model.n_nodes, 4, 3))
     (q1, v1), (q2, v2) = ((x.q.reshape(-1, 4, 3), x.v.reshape(-1, 4, 3)) for x in (coarse, fine))
     q[:, 0], v[:, 0] = between(q1[:, 0], q2[:, 0]), between(v1[:, 0], v2[:, 0])
     q[:, 1:] = triads_between(q1[:, 1:], q2[:, 1:])
-    v[:, 1:] = np.cross(between(_spins(q1, v1), _spins(q2, v2))[:, None], q[:, 1:])
+    v[:, 1:] = np.cross(between(spins(q1, v1), spins(q2, v2))[:, None], q[:, 1:])
     history = between(coarse.history, fine.history)
     # flags of sliders stand beside their energies
     flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))

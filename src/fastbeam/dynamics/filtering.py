@@ -14,6 +14,7 @@ from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
 from fastbeam.kernels.loop import SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
@@ -105,7 +106,7 @@ class FilteringStepper(Stepper):
         kept = [x.copy() for x in (work.dphi, work.theta)]
         if len(core.dofs) == 6:
             q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
-            spin = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+            spin = spins(q, v)
         else:
             q, v = state.q.reshape(-1, 2, 2), state.v.reshape(-1, 2, 2)
             spin = q[:, 1, 0] * v[:, 1, 1] - q[:, 1, 1] * v[:, 1, 0]

@@ -12,6 +12,7 @@ from fastbeam.dynamics.contact_force import ContactForces
 from fastbeam.dynamics.options import Output
 from fastbeam.interface.errors import ResultFileError
 from fastbeam.kernels.state import State
+from fastbeam.model.maps import spins
 from fastbeam.results.observe.observer import Observer
 from fastbeam.results.result import ResultBuffer, ResultHeader
 from fastbeam.stepping.stepper import Stepper
@@ -78,7 +79,7 @@ class Rows:
         moving: tuple[Array, ...] = ()
         if self.memory.header.velocities:
             v = state.v.reshape(-1, 4, 3)
-            moving = v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+            moving = v[:, 0], spins(q, v)
         self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
         self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 

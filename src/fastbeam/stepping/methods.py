@@ -17,7 +17,7 @@ from fastbeam.linalg.factors import OF_STEP, Factors
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.gap_rows import ConstraintGaps, Gaps
 from fastbeam.model.mapping import shapes_at
-from fastbeam.model.maps import free_unknowns, mass_map, share_map, spin_map, tie_map, velocity_map
+from fastbeam.model.maps import free_unknowns, mass_map, share_map, spin_map, tie_map, velocities_and_spins, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -103,8 +103,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     rates = alpha.rates.reshape(9, n, 6)
     q, v = state.q.reshape(n, 4, 3), state.v.reshape(n, 4, 3)
     rates[:] = 0.0
-    rates[0, :, :3] = v[:, 0]
-    rates[0, :, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+    rates[0] = velocities_and_spins(q, v)
     spin = spin_map(model)
     rates[0, :, 3:] = (spin @ rates[0, :, 3:].reshape(-1)).reshape(n, 3)
     tie = tie_map(model)

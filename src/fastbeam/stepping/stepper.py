@@ -31,6 +31,7 @@ from fastbeam.model.contact.sleeve_twist import start_twisting
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.failed_laws import FINITE_NUMBERS, Failure, acting_at, failure_in, forget, has_failed
 from fastbeam.model.forces.loads import load_factors
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.released_supports import own_supports
 from fastbeam.model.start import own_state
@@ -581,8 +582,7 @@ class Stepper:
     def largest_spin(self) -> tuple[int, float]:
         """Return (node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
         state = self.state
-        q, v = (x.reshape(-1, 4, 3)[:, 1:] for x in (state.q, state.v))
-        size = np.linalg.norm(0.5 * np.cross(q, v).sum(axis=1), axis=1)
+        size = np.linalg.norm(spins(state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)), axis=1)
         node = int(np.argmax(size))
         return node, float(size[node])
 
