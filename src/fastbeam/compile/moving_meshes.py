@@ -19,7 +19,7 @@ from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.maps import spins
-from fastbeam.model.workspace import moving_of_run
+from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import (
     BallJoint,
     Beam,
@@ -150,7 +150,7 @@ class Moving(Feature):
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """Return the table of a beam with work arrays of the run; other tables unchanged."""
-        return moving_of_run(table) if isinstance(table, MovingBeam) else table
+        return (table._replace(scratch=scratch_of_moving(table.node.shape[1])) if isinstance(table, MovingBeam) else table)
 
     @property
     def exchanges(self) -> bool:

@@ -19,14 +19,9 @@ Array = np.ndarray
 TINY = 1e-40
 
 
-class _Entry:
-    """Descriptor: derivatives by an entry of the diagonal of C, [beams]."""
-
-    def __init__(self, k: int) -> None:
-        self._k = k
-
-    def __get__(self, found: Any, owner: type | None = None) -> Array:
-        return self if found is None else found.stiffness[:, self._k, self._k]  # type: ignore[return-value]
+def _entry(k: int) -> Any:
+    """Make a property: derivatives by an entry of the diagonal of C, [beams]."""
+    return property(lambda found: found.stiffness[:, k, k])
 
 
 class SectionGradient(NamedTuple):
@@ -50,7 +45,7 @@ class SectionGradient(NamedTuple):
     rhoA: Array  # noqa: N815  the field's symbols
     prestrain: Array
 
-    EA, GA2, GA3, GJ, EI2, EI3 = (_Entry(k) for k in range(6))
+    EA, GA2, GA3, GJ, EI2, EI3 = (_entry(k) for k in range(6))
 
     def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
         """Return derivatives by a parameter of the sections, [beams].

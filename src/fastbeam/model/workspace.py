@@ -12,7 +12,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
-from fastbeam.kernels.contact.moving_beam import MovingBeam, Scratch
+from fastbeam.kernels.contact.moving_beam import Scratch
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
@@ -290,8 +290,3 @@ def scratch_of_moving(n: int) -> Scratch:
                    empty(7 * size), empty(7 * size), empty(42 * n), empty(42 * n),
                    empty((7, 7)), empty((2, 6, 7)), empty((2, 7)), empty((5, 7)), empty((3, 6)), empty(7),
                    empty((6 * n + 2, 6 * n + 2)))
-
-
-def moving_of_run(table: MovingBeam) -> MovingBeam:
-    """Return the table with work arrays of one run."""
-    return table._replace(scratch=scratch_of_moving(table.node.shape[1]))

@@ -262,10 +262,6 @@ def _at_start(value: Any) -> Array:
     return checks.constant(found)
 
 
-def _degree(value: Any) -> int | None:
-    return None if value is None else Count(0, MOST_DEGREE)(value)
-
-
 TIMES = Numbers((None,), "increasing finite numbers [n]")
 
 
@@ -328,7 +324,8 @@ class Signal:
         self._rows, self._jumps = self._curve.x, times[1:][np.diff(times) == 0.0]
 
     @classmethod
-    @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
+    @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start,
+             baseline=Count(0, MOST_DEGREE))
     def from_acceleration(cls, times: ArrayLike, acceleration: ArrayLike, *, direction: ArrayLike | None = None,
                           velocity: ArrayLike = 0.0, displacement: ArrayLike = 0.0, baseline: int | None = None) -> Signal:
         """Make the displacement, m, of accelerations on the cubic spline through a table (not-a-knot), integrated twice exactly.

@@ -297,7 +297,8 @@ class ExactSolver(SlidingSolver):
         if not free.size:
             return Found(cut, solver, along.slope, np.zeros((0, 0)), [], stretch)
         saddle, right = solver._assembled(np.zeros(self.held.size, bool))
-        by = self._by_unknowns(solver, along, free)
+        # derivatives of the forces on the unknowns of the rows by the free s, [F, m]
+        by = (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
         bend, ahead = along.bend[np.ix_(free, free)], []
         for row in by:
             right[:] = 0.0
@@ -334,10 +335,6 @@ class ExactSolver(SlidingSolver):
             if axes is not None:
                 way = np.concatenate((axes[:2] @ way[:3], axes[2:] @ way[3:]))
             along.slope[k] -= float(row[:way.size] @ way)
-
-    def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
-        """Return derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
-        return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
 
     def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:
         """Return weights and distributed loads of the beams with contacts at load factors [K]."""

@@ -25,16 +25,9 @@ Array = np.ndarray
 NEED = "must be arc lengths within the beam, m"
 
 
-class _Component:
-    """Descriptor: component of a force or moment along a director, [n, m]."""
-
-    def __init__(self, of: str, k: int) -> None:
-        self._of, self._k = of, k
-
-    def __get__(self, found: Any, owner: type | None = None) -> Array:
-        if found is None:
-            return self  # type: ignore[return-value]
-        return np.einsum("tsc,tsc->ts", getattr(found, self._of), found.directors[:, :, self._k])
+def _component(of: str, k: int) -> Any:
+    """Make a property: component of a force or moment along a director, [n, m]."""
+    return property(lambda found: np.einsum("tsc,tsc->ts", getattr(found, of), found.directors[:, :, k]))
 
 
 @dataclass(frozen=True)
@@ -73,8 +66,8 @@ class SectionForces:
     directors: Array
     strain_rates: Array | None = None
 
-    N, Q2, Q3 = (_Component("force", k) for k in range(3))
-    T, M2, M3 = (_Component("moment", k) for k in range(3))
+    N, Q2, Q3 = (_component("force", k) for k in range(3))
+    T, M2, M3 = (_component("moment", k) for k in range(3))
 
 
 def span_of(who: str, model: Model, beam: Any) -> slice:

@@ -246,7 +246,7 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
                          "-0.01}")
     moved = {} if moves is None else _moves(model, moves)
     strains = ReferenceStrains() if prestrains is None else _prestrains(model, prestrains)
-    laws = law_path("solve_path", model, at_time, stays_put)
+    laws = law_path(model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
         factors = load_path("solve_path", model, at_time, by_laws and laws.moves or rides is not None)
     else:
