@@ -20,7 +20,7 @@ from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import follow, turned
-from fastbeam.model.maps import free_unknowns, mass_map, rates_map, share_map, tie_map, velocities_and_spins, velocity_map
+from fastbeam.model.maps import free_unknowns, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -311,6 +311,13 @@ def active_supports(model: Model, state: State) -> list[tuple[int, Any, int]]:
     return [(k, *pair) for k, pair in enumerate(pairs) if k not in gone]
 
 
+def _put_rates_of_supports(model: Model, state: State, t: float, out: Array) -> None:
+    """Write the velocities and spins of supports that move at time t into those of all nodes [N, 6]."""
+    for motion, node in moving_supports(model, state):
+        bits = np.append(fixed_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
+        out[node, bits] = np.concatenate(motion.rates(t))[bits]
+
+
 def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
     """Return events for supports that move and whose nodes in the state are not at their places at time t."""
     q, q0 = state.q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
@@ -439,7 +446,7 @@ def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
     led = np.flatnonzero(leads != np.arange(len(q)))
     of, to = ((6 * k[:, None] + np.arange(3, 6)).reshape(-1) for k in (led, leads[led]))
     rows.append(unit[to] - unit[of])
-    off.append(0.5 * np.cross(q[led, 1:], place[led, 1:]).sum(axis=1).reshape(-1))
+    off.append(spins(q[led], place[led]).reshape(-1))
     supported = _standing(model, state)
     for _, motion, node in active_supports(model, state):
         supported[node] |= motion.mask
@@ -458,10 +465,7 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     state = own_state(model, state)
     q, q0, v0 = (x.reshape(-1, 4, 3) for x in (state.q, model.q0, model.v0))
     given = velocities_and_spins(q0, v0)
-    for motion, node in moving_supports(model, state):
-        rates = np.concatenate(motion.rates(t))
-        bits = np.append(fixed_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
-        given[node, bits] = rates[bits]
+    _put_rates_of_supports(model, state, t, given)
     fixed = given.reshape(-1).copy()
     given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
     to_rates = velocity_map(q)
@@ -544,11 +548,8 @@ def _after_impact(model: Model, rows: ConstraintGaps, state: State, q: Array, s:
     before = state.q.reshape(-1, 4, 3)
     own = velocities_and_spins(before, state.v.reshape(-1, 4, 3))
     led_by = own.copy()
-    for motion, node in moving_supports(model, state) if t is not None else ():
-        rates = np.concatenate(motion.rates(t))
-        bits = (motion.mask >> np.arange(6) & 1).astype(bool)
-        bits[:3], bits[3:] = fixed_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
-        led_by[node, bits] = rates[bits]
+    if t is not None:
+        _put_rates_of_supports(model, state, t, led_by)
     across, _ = _across(model, rows, q, s)
     lift, free = _lift(model, q, state)
     moved = _moved_unknowns(model, state)
