@@ -248,7 +248,7 @@ class ExactSolver(SlidingSolver):
             # nodes go with the contacts
             saved = before._saved()
             before.move(np.asarray(sum(w * x for w, x in zip(way, found.ahead))))
-            at = State(*(x.copy() for x in before.state))
+            at = before.stepper.copy_state()
             before._restore(saved)
         else:
             at = self._given(found)
@@ -356,7 +356,7 @@ class ExactSolver(SlidingSolver):
 
     def _given(self, found: Found) -> State:
         model, other = self.stepper.model, found.solver
-        out = State(*(x.copy() for x in self.state))
+        out = self.stepper.copy_state()
         q = out.q.reshape(-1, 4, 3)
         found.cut.bring_back(other.state.q.reshape(-1, 4, 3), other.stepper.model.numbers, model.numbers, q)
         q[:] = follow(model, q)

@@ -161,5 +161,5 @@ def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
         x = saddle.solve(push)
         return None if x is None else x[solver.places]
 
-    state = State(*(x.copy() for x in solver.state))
+    state = solver.stepper.copy_state()
     return rest_events(model, state, Resolution(model, solver.strains).tension(state.q), free, compliance)

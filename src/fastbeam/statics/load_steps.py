@@ -220,7 +220,7 @@ class LoadSteps(StaticRows):
     def _given_up(self, reached: float, count: int, size: float) -> ConvergenceError:
         """Form the error after `count` load steps, the last one of this size."""
         return ConvergenceError(f"{TOO_MANY.format(reached, count, size)}{KEPT}", step=len(self.solver.history), time=reached,
-                                state=State(*(x.copy() for x in self.solver.state)), result=self._finish())
+                                state=self.solver.stepper.copy_state(), result=self._finish())
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
         """Form the error of a failure with the smallest load step."""
@@ -240,7 +240,7 @@ class LoadSteps(StaticRows):
                                  "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
                                  f"slender than 1e6). {KEPT}",
                                  step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
-                                 state=State(*(x.copy() for x in solver.state)), result=self._finish())
+                                 state=solver.stepper.copy_state(), result=self._finish())
         return solver.stepper.blamed(error, f"load factor {reached:.6g}", KEPT)
 
     def _judge(self) -> None:
@@ -322,4 +322,4 @@ def _no_equilibrium_of_slider(solver: SlidingSolver, target: float, reached: flo
                 f"{why}. {what}, or lock it (held=({name!r},))")
     return ConvergenceError(
         f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
-        step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)
+        step=len(solver.history), time=reached, state=solver.stepper.copy_state(), result=result)

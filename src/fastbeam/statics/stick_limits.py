@@ -121,13 +121,12 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         if not load(solver, load_factor, share):
             text = f"stick_interval: no equilibrium was found at load factor {load_factor:.6g}"
             error = ConvergenceError(f"{text}; find one with solve_static, and give it as start=", step=0, time=0.0,
-                                     state=State(*(x.copy() for x in solver.state)))
+                                     state=solver.stepper.copy_state())
             raise solver.stepper.blamed(error, text, "The last equilibrium is in .state")
-    found = State(*(x.copy() for x in solver.state))
     ends = []
     for end in within:
         still = stays | (np.arange(stays.size) == k) if kind is _LockedSlider else stays
-        mine = kind(solver_of(State(*(x.copy() for x in found)), still), k, t)
+        mine = kind(solver_of(solver.stepper.copy_state(), still), k, t)
         ends.append(_end_of(mine, load, load_factor, float(end)))
     return StickInterval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
 
@@ -183,7 +182,7 @@ class _Locked(ABC):
     @property
     def state(self) -> State:
         """Copy of the present state."""
-        return State(*(x.copy() for x in self.solver.state))
+        return self.solver.stepper.copy_state()
 
 
 class _LockedJoint(_Locked):
