@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, field
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -38,34 +38,31 @@ def _hint(value: Any) -> str:
     return "; use its beam(k)" if isinstance(value, Net) else ""
 
 
-@dataclass(frozen=True)
-class BeamsInOrder:
+def as_beams_in_order(value: Any) -> tuple[tuple[Beam, int], ...]:
     """Check of beams, or pairs (beam, 1) and (beam, -1): a list of (beam, direction)."""
-
-    def __call__(self, value: Any) -> tuple[tuple[Beam, int], ...]:
-        if isinstance(value, Beam) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray)):
-            hint = "; write [beam]" if isinstance(value, Beam) else ""
-            raise Refusal(f"must be a list of beams in their order, got {shown(value)}{hint}")
-        items = tuple(islice(value, MOST_BEAMS + 1))
-        if not items:
-            raise Refusal("is empty; name the beams in their order, as in [a, b, (c, -1)]")
-        if len(items) > MOST_BEAMS:
-            raise Refusal(f"may hold at most {MOST_BEAMS} beams")
-        return tuple(self._one(item) for item in items)
-
-    @staticmethod
-    def _one(item: Any) -> tuple[Beam, int]:
-        beam, direction = item if isinstance(item, (tuple, list)) and len(item) == 2 else (item, 1)
-        if not isinstance(beam, Beam):
-            raise Refusal(f"must be beams, or pairs (beam, -1) of those that run backwards, got {shown(item)}{_hint(beam)}")
-        sign = whole(direction)
-        if sign not in (1, -1):
-            raise Refusal(f"has {beam.label} in direction {shown(direction)}; give 1, or -1 where the path runs from its end to "
-                          "its start")
-        return beam, int(sign)
+    if isinstance(value, Beam) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray)):
+        hint = "; write [beam]" if isinstance(value, Beam) else ""
+        raise Refusal(f"must be a list of beams in their order, got {shown(value)}{hint}")
+    items = tuple(islice(value, MOST_BEAMS + 1))
+    if not items:
+        raise Refusal("is empty; name the beams in their order, as in [a, b, (c, -1)]")
+    if len(items) > MOST_BEAMS:
+        raise Refusal(f"may hold at most {MOST_BEAMS} beams")
+    return tuple(_with_direction(item) for item in items)
 
 
-@checked(name=Name(), beams=BeamsInOrder(), closed=Flag())
+def _with_direction(item: Any) -> tuple[Beam, int]:
+    beam, direction = item if isinstance(item, (tuple, list)) and len(item) == 2 else (item, 1)
+    if not isinstance(beam, Beam):
+        raise Refusal(f"must be beams, or pairs (beam, -1) of those that run backwards, got {shown(item)}{_hint(beam)}")
+    sign = whole(direction)
+    if sign not in (1, -1):
+        raise Refusal(f"has {beam.label} in direction {shown(direction)}; give 1, or -1 where the path runs from its end to "
+                      "its start")
+    return beam, int(sign)
+
+
+@checked(name=Name(), beams=as_beams_in_order, closed=Flag())
 @noun
 class Path(Named):
     """Beams end to end as one curve: sliders run from beam to beam and, where it is closed, around (theory.md 5.7).

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -63,39 +62,36 @@ def as_one_track(value: Any) -> Track | str:
     return value
 
 
-@dataclass(frozen=True)
-class Choice:
+def as_choice(value: Any) -> Any:
     """Check of a function of (t, state) or (t, state, slider), a mapping slider -> track, or a list of (time, track)."""
+    if isinstance(value, Mapping):
+        return {_name_of(k): _name_of(x) for k, x in value.items()}
+    if callable(value) and not isinstance(value, type):
+        n = needed_arguments(value)
+        if n not in (2, 3):
+            raise Refusal(f"must take two arguments (t, state) or three (t, state, slider), this function takes {n}")
+        return value
+    if isinstance(value, (str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
+        raise Refusal("must be a function of (t, state), a mapping {slider: track} or a list [(time, track), ...], got "
+                      f"{shown(value)}")
+    table, latest = [], -np.inf
+    for item in value:
+        pair = tuple(item) if isinstance(item, (tuple, list)) else ()
+        time = real(pair[0]) if len(pair) == 2 else None
+        if time is None or not time > latest:
+            raise Refusal(f"as a list has pairs (time, track) with growing times, got {shown(item)}")
+        table.append((time, _name_of(pair[1])))
+        latest = time
+    if not table:
+        raise Refusal("is empty; give pairs (time, track)")
+    return table
 
-    def __call__(self, value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {self._name(k): self._name(x) for k, x in value.items()}
-        if callable(value) and not isinstance(value, type):
-            n = needed_arguments(value)
-            if n not in (2, 3):
-                raise Refusal(f"must take two arguments (t, state) or three (t, state, slider), this function takes {n}")
-            return value
-        if isinstance(value, (str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
-            raise Refusal("must be a function of (t, state), a mapping {slider: track} or a list [(time, track), ...], got "
-                          f"{shown(value)}")
-        table, latest = [], -np.inf
-        for item in value:
-            pair = tuple(item) if isinstance(item, (tuple, list)) else ()
-            time = real(pair[0]) if len(pair) == 2 else None
-            if time is None or not time > latest:
-                raise Refusal(f"as a list has pairs (time, track) with growing times, got {shown(item)}")
-            table.append((time, self._name(pair[1])))
-            latest = time
-        if not table:
-            raise Refusal("is empty; give pairs (time, track)")
-        return table
 
-    @staticmethod
-    def _name(value: Any) -> str:
-        name = value if isinstance(value, str) else getattr(value, "name", None)
-        if not isinstance(name, str):
-            raise Refusal(f"names sliders and tracks, got {shown(value)}")
-        return name
+def _name_of(value: Any) -> str:
+    name = value if isinstance(value, str) else getattr(value, "name", None)
+    if not isinstance(name, str):
+        raise Refusal(f"names sliders and tracks, got {shown(value)}")
+    return name
 
 
 class Switch(Path):
@@ -146,7 +142,7 @@ class Switch(Path):
     tracks: tuple[Track, ...]
     choose: Chosen | None
 
-    @checked(name=Name(), tracks=as_tracks, choose=Choice())
+    @checked(name=Name(), tracks=as_tracks, choose=as_choice)
     def __init__(self, name: str, tracks: Iterable[Track], *, choose: ChooseLike | None = None) -> None:
         beams = [x.beams if isinstance(x, Path) else (x,) for x in tracks]
         signs = [x.directions if isinstance(x, Path) else (1,) for x in tracks]
