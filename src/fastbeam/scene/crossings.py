@@ -12,7 +12,7 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bodies import PointMass
 from fastbeam.scene.checks import ArrayField, Takes, noun
-from fastbeam.scene.paths import Path, as_track
+from fastbeam.scene.paths import Path, as_track, legs_of
 from fastbeam.scene.slider_forces import Friction, as_friction
 from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.switches import Switch
@@ -106,7 +106,7 @@ class Crossing:
         for beam in (self.beam_a, self.beam_b):
             if isinstance(beam, Switch):
                 raise SceneError(f"{who}: a crossing lies on a Beam or Path, not on {beam.label}; give one of its tracks")
-        own = [beam.beams if isinstance(beam, Path) else (beam,) for beam in (self.beam_a, self.beam_b)]
+        own = [legs_of(beam)[0] for beam in (self.beam_a, self.beam_b)]
         shared = [beam for beam in own[0] if any(beam is other for other in own[1])]
         if shared:
             raise SceneError(f"{who}: {shared[0].label} is on both sides; a crossing joins two different beams")

@@ -221,6 +221,11 @@ def check_path(path: Path, tolerance: float) -> None:
         raise SceneError(f"{path.label}: {one} and {other} do not meet, their distance is {gap:.6g} m; {cure}")
 
 
+def legs_of(track: Beam | Path) -> tuple[tuple[Beam, ...], tuple[int, ...]]:
+    """Return the beams of a track and their directions; of a beam itself, forward."""
+    return (track.beams, track.directions) if isinstance(track, Path) else ((track,), (1,))
+
+
 def as_track(value: Any) -> Beam | Path:
     """Check of a Beam or Path."""
     if isinstance(value, Path):

@@ -15,7 +15,7 @@ from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, NodeField, Takes, noun
 from fastbeam.scene.interpolation.basis import CurveBasis
 from fastbeam.scene.locks import Lock, OneSided, Release, as_locks, as_one_sided, as_release, check_locks, check_release
-from fastbeam.scene.paths import Path, as_track
+from fastbeam.scene.paths import Path, as_track, legs_of
 from fastbeam.scene.slider_forces import Drive, Friction, Stops, as_drive, as_friction, as_stops, initial_rate
 from fastbeam.scene.switches import Switch, check_places, span_of
 
@@ -101,7 +101,7 @@ class Slider:
     @property
     def beams(self) -> tuple[Beam, ...]:
         """Beams that it slides on."""
-        return self.beam.beams if isinstance(self.beam, Path) else (self.beam,)
+        return legs_of(self.beam)[0]
 
     @property
     def is_endless(self) -> bool:

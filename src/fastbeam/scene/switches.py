@@ -13,7 +13,7 @@ from fastbeam.interface.synonyms import known
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef, as_arc_lengths
 from fastbeam.scene.checks import Array
-from fastbeam.scene.paths import Path, as_beam
+from fastbeam.scene.paths import Path, as_beam, legs_of
 from fastbeam.scene.slider_forces import needed_arguments
 
 if TYPE_CHECKING:
@@ -144,8 +144,7 @@ class Switch(Path):
 
     @checked(name=Name(), tracks=as_tracks, choose=as_choice)
     def __init__(self, name: str, tracks: Iterable[Track], *, choose: ChooseLike | None = None) -> None:
-        beams = [x.beams if isinstance(x, Path) else (x,) for x in tracks]
-        signs = [x.directions if isinstance(x, Path) else (1,) for x in tracks]
+        beams, signs = zip(*map(legs_of, tracks))
         checks.fill(self, name=name, tracks=tracks, choose=choose, beams=sum(beams, ()), directions=sum(signs, ()))
         for track in tracks:
             for end in (START, END):
@@ -229,7 +228,7 @@ class Switch(Path):
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return number of the beam and arc length on it, as `Path.places`; between tracks those of the nearest end."""
         number, local = np.zeros(s.size, np.int64), np.zeros(s.size)
-        before = np.cumsum([0, *(len(x.beams) if isinstance(x, Path) else 1 for x in self.tracks)])
+        before = np.cumsum([0, *(len(legs_of(x)[0]) for x in self.tracks)])
         for i, one in enumerate(s.tolist()):
             k = span_of(self, one)
             track, at = self.tracks[k], float(np.clip(one - self.spans[k, 0], 0.0, np.diff(self.spans[k])[0]))
@@ -328,7 +327,5 @@ def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, sli
 def end_node(track: Track, end: str) -> NodeRef:
     """Return the node at the end or start of a track."""
     at_end = end == END
-    if isinstance(track, Beam):
-        return track.end if at_end else track.start
-    beam, sign = (track.beams[-1], track.directions[-1]) if at_end else (track.beams[0], track.directions[0])
+    beam, sign = (x[-1 if at_end else 0] for x in legs_of(track))
     return beam.end if at_end == (sign > 0) else beam.start

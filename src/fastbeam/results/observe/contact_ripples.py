@@ -20,6 +20,7 @@ from fastbeam.model.mapping import shapes_at
 from fastbeam.scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
 from fastbeam.scene.interpolation.averaged_curves import averaged_curve
 from fastbeam.scene.interpolation.basis import Basis, build_basis
+from fastbeam.scene.paths import legs_of
 
 Array = np.ndarray
 # elements on each side of the one with the contact, Lagrange and splines; places in that one; degree of the fit to these
@@ -481,9 +482,8 @@ def stiffened_length(beam: Beam, s: float, bore: float, curve: str) -> float:
 def kinks_of(scene: Scene, slider: Slider) -> list[float]:
     """Return arc lengths, m, at which the curve of a slider may have a kink: joints of a path, and nodes inside of beams at which
     other parts act."""
-    beams = slider.beams
+    beams, senses = legs_of(slider.beam)
     starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
-    senses = slider.beam.directions if isinstance(slider.beam, Path) else (1,)
     out = set(starts[1:-1].tolist()) | ({0.0} if slider.is_endless else set())
     for part in scene.parts:
         for node in vars(part).values():
