@@ -19,7 +19,7 @@ from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.model.contact.sleeve_conditions import sections
 from fastbeam.model.contact.sleeve_twist import angle_of, numbers_of, twist_label
 from fastbeam.model.joints.constraints import ConstrainedJoint
-from fastbeam.statics.slider_friction import edges_of
+from fastbeam.statics.slider_friction import edges_of, let_go, share_left
 
 if TYPE_CHECKING:
     from fastbeam.statics.sliding import SlidingSolver
@@ -236,12 +236,10 @@ class StaticJoints:
             largest = float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
             size = ROUND_OFF * (largest * self.solver.core.length / self.scales + most)
             sticking = (sign == 0) & ~self.kept
-            back = sticking & (force > most + size) & (self.at_stop >= 0)
-            forth = sticking & (force < -most - size) & (self.at_stop <= 0)
             returned = (sign * (self.values - before) < -TINY * self.scales) & (most > 0.0) & (changes < MOST_CHANGES)
-            sign[back], sign[forth], sign[returned] = -1, 1, 0
+            let_go(sticking, force, most + size, sign, self.at_stop)
+            sign[returned] = 0
             changes[returned] += 1
-            self.at_stop[back | forth] = 0
             moving = np.flatnonzero(sign)
             if returned.any():
                 self.values[returned] = before[returned]
@@ -317,7 +315,7 @@ class StaticJoints:
         force, most = float(self.forces()[i]), float(self.most()[i])
         if force * self.at_stop[i] < 0.0:
             return 1.0
-        return 1.0 - abs(force) / most if most > 0.0 else -1.0 if force else 1.0
+        return share_left(force, most)
 
     def report(self) -> dict[str, dict[str, Any]]:
         """Report for every coordinate with friction: the force that holds it, the largest friction, and whether it sticks with

@@ -20,6 +20,7 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
 from fastbeam.statics.moving_supports import SupportPath, coordinates_of
+from fastbeam.statics.slider_friction import share_left
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
 
@@ -208,8 +209,7 @@ class _LockedSlider(_Locked):
         needed, s = float(here.sliding[k]), float(solver.stepper.core_state.s[k])
         if forces.tables.drive[k]:
             needed -= forces.at_rest(k, self.t, s, solver.along.factor, solver.along.offset[k])
-        most = float(forces.tables.friction[k] * here.normal[k])
-        return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
+        return share_left(needed, float(forces.tables.friction[k] * here.normal[k]))
 
 
 def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
