@@ -421,13 +421,9 @@ class ExactSolver(SlidingSolver):
         stop = exact.sliding - np.where(self.along.rubs, friction, 0.0)
         row["stop_force"] = np.where(at_stop, stop, row["stop_force"])
 
-    def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
-        if self.along is None or not self.along.rubs.any():
-            return {}
+    def _without_friction(self) -> Equations:
         assert self.found is not None
-        names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._exact_equations(self.found))}
-        return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
+        return self._exact_equations(self.found)
 
     def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
         accepted, on_mesh = self.found, super()._stick_interval(k, factors)

@@ -18,6 +18,7 @@ from fastbeam.linalg.saddle import Saddle
 from fastbeam.statics.constrained import SaddleSolver
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.slider_friction import RESERVE
+from fastbeam.stepping.assembled import Equations
 
 Array = np.ndarray
 # a slider moves by this share of its beam at once, and goes this share of the way to an end of it
@@ -121,8 +122,12 @@ class SlidingSolver(SaddleSolver):
         if self.along is None or not self.along.rubs.any():
             return {"friction": of_joints} if of_joints else {}
         names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._of_constraints(rubs=False)) | of_joints}
+        out = {"friction": self.along.report(names, self._without_friction()) | of_joints}
         return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
+
+    def _without_friction(self) -> Equations:
+        """Evaluate the equations of the constraints at the last equilibrium, without friction."""
+        return self._of_constraints(rubs=False)
 
     def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
         """Find the arc lengths between which slider k rests under load factors [K] by its friction, the others with friction
