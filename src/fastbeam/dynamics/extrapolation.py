@@ -21,6 +21,7 @@ from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.results.result import Result
+from fastbeam.scene.prescribed_motion import axial
 
 Array = np.ndarray
 # two runs that differ by more, of the size of the scene, are no longer in the range in which errors go with h^2
@@ -53,8 +54,7 @@ def between(coarse: Array, fine: Array) -> Array:
 def triads_between(coarse: Array, fine: Array) -> Array:
     """Extrapolate triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to fine."""
     turn = np.einsum("...ia,...ib->...ab", fine, coarse)
-    axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
-                           turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
+    axis = 0.5 * axial(turn)
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, 0.5 * (np.trace(turn, axis1=-2, axis2=-1)[..., None] - 1.0)) / 3.0
     axis = axis / np.where(sine > 0.0, sine, 1.0)

@@ -15,6 +15,7 @@ from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.released_supports import Released
 from fastbeam.scene import PrescribedMotion, Scene
+from fastbeam.scene.prescribed_motion import axial
 
 Array = np.ndarray
 # largest distance of position(0) from its node, as a share of the size of the scene
@@ -107,7 +108,7 @@ class PrescribedMotions(Feature):
             out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
             if motion.rotation is not None:
                 turn = turns_between(motion, times.tolist())
-                out[:, k, 3:] = 2.0 * _axial(turn) / (1.0 + np.trace(turn, axis1=1, axis2=2))[:, None]
+                out[:, k, 3:] = 2.0 * axial(turn) / (1.0 + np.trace(turn, axis1=1, axis2=2))[:, None]
             if axes is not None:
                 self._check_plane(motion, out[:, k], axes[2], times)
         if axes is None:
@@ -158,7 +159,7 @@ class PrescribedMotions(Feature):
                     # a table may end
                     continue
                 places.append(place)
-                turns.append(_axial(turn))
+                turns.append(axial(turn))
             for which, x in enumerate((np.array(places) - places[0], np.array(turns) - turns[0])):
                 _, size, axes = np.linalg.svd(x, full_matrices=False)
                 for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
@@ -179,12 +180,6 @@ def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
                              f"{times[k + 1]:.9g} s, but must turn by less than half a turn. Use smaller steps, and let a "
                              "rotation vector grow beyond a full turn instead of jumping back by one")
     return out
-
-
-def _axial(turn: Array) -> Array:
-    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
-    x = turn - np.swapaxes(turn, -1, -2)
-    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
 
 
 def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:

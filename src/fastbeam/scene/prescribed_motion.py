@@ -75,6 +75,12 @@ def _rate(x: Array, size: float) -> Array:
     return np.where(np.abs(rate) > noise, rate, 0.0)
 
 
+def axial(turn: Array) -> Array:
+    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    x = turn - np.swapaxes(turn, -1, -2)
+    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
+
+
 def _turning(value: Any) -> tuple[Array, Array | None]:
     """Return a rotation matrix (3, 3) from a rotation vector or from itself, and the vector, None if there is none."""
     found = numbers(value)
@@ -237,9 +243,7 @@ class PrescribedMotion(Named):
         """Return velocity, m/s, and angular velocity in space, rad/s, at time t."""
         times = t + SHORT * np.arange(5)
         places, turns = np.array([self.place(t) for t in times]), np.array([self.turn(t) for t in times])
-        relative = turns @ turns[0].T
-        spins = np.stack((relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
-                          relative[:, 1, 0] - relative[:, 0, 1]), axis=1) / 2.0
+        spins = axial(turns @ turns[0].T) / 2.0
         # differences of sin(angle) times the axis, whose first four derivatives at 0 give that of the angle
         velocity, spin = (_rate(x, size) for x, size in ((places, float(np.max(np.abs(places)))), (spins, 1.0)))
         return velocity, spin

@@ -190,7 +190,7 @@ class SaddleSolver(StaticSolver):
         matrix = self._matrix.of(work.blocks, equations, sliding, drag)
         right, gaps = np.zeros(self._multiplier.size), equations.gaps
         r = right[:self.nodes].reshape(n, size)
-        r[:] = work.r[:8 * n].reshape(n, 8)[:, :size]
+        r[:] = model.rows_in(work.r)
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
             r -= 2.0 * x
@@ -234,9 +234,8 @@ class SaddleSolver(StaticSolver):
     def _round_off(self, saddle: Saddle) -> Array:
         """Return the possible round-off in the residuals of the nodes [n]: from loads and contact forces, and from forces in the
         beams."""
-        size, n = len(self.core.dofs), self.core.pattern.n
-        loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
-        stiff = np.abs(saddle.matrix.diagonal()[:size * n])
+        loads = np.abs(self.core.rows_in(self._all_loads)).reshape(-1)
+        stiff = np.abs(saddle.matrix.diagonal()[:self.nodes])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
     def _size(self, nodes: Array) -> float:

@@ -75,9 +75,9 @@ class Response(SlidingSolver):
 
     def noise(self) -> Array:
         """Return the possible round-off of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
-        length, n = self.core.length, self.core.pattern.n
+        length = self.core.length
         out = np.full(self.unknowns, NOISE * length)
-        loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
+        loads = self.core.rows_in(self._all_loads).reshape(-1)
         out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
         out[self.places] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
         return out

@@ -16,6 +16,7 @@ from fastbeam.model.connections import fixed_axes
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import turns_between
+from fastbeam.scene.prescribed_motion import axial
 
 Array = np.ndarray
 # increments of a support up to this share of its coordinates, and of 1 rad, count as round-off
@@ -282,7 +283,7 @@ def _turns_left(triads: Array, now: Array) -> Array:
     turn = triads.transpose(0, 2, 1) @ now
     size = 1.0 + np.trace(turn, axis1=1, axis2=2)
     with np.errstate(divide="ignore"):
-        vector = 2.0 * _axial(turn) / size[:, None]
+        vector = 2.0 * axial(turn) / size[:, None]
     # |cayley vector| = 2 tan(angle/2)
     if np.any(np.linalg.norm(vector, axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size < 1e-3):
         return np.full_like(vector, np.nan)
@@ -325,16 +326,9 @@ class Carrying:
         those of held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
         work, size = stepper.work, x.shape[1]
         kernels.assemble_all(*self.free.on(system), 0.0)
-        blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
-        r = work.r[:8 * len(x)].reshape(-1, 8)[:, :size]
-        np.add.at(r, self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
+        blocks = stepper.core.blocks_in(work.blocks)[self.block, :, :size]
+        np.add.at(stepper.core.rows_in(work.r), self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
         kernels.assemble_some(*self.held.on(system), 0.0)
-
-
-def _axial(turn: Array) -> Array:
-    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
-    x = turn - np.swapaxes(turn, -1, -2)
-    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
 
 
 def _vector(turn: Array) -> Array:

@@ -207,9 +207,9 @@ class LengthSolver(Response):
         """Assemble the tangent [n, n], the residual [n], its derivatives by the prestrains [n, m], and those of the conditions by
         the unknowns [m, n] and by the prestrains [m, m]."""
         saddle, right = self.linearised()
-        m, size, rows = self.change.size, len(self.core.dofs), self.core.pattern.n
+        m = self.change.size
         state, outer = self.state, self.work.f_ext - self._loads
-        before = self.work.r[:8 * rows].reshape(rows, 8)[:, :size].reshape(-1).copy()
+        before = self.core.rows_in(self.work.r).reshape(-1).copy()
         values = self.values()
         push, direct = np.zeros((right.size, m)), np.zeros((m, m))
         in_sections = [j for j, condition in enumerate(self.conditions) if condition.wanted.section is not None]
@@ -220,7 +220,7 @@ class LengthSolver(Response):
             self._put(more)
             self.work.f_ext[:] = self._loads + outer
             self.stepper.parts.assemble(0.0)
-            after = self.work.r[:8 * rows].reshape(rows, 8)[:, :size].reshape(-1)
+            after = self.core.rows_in(self.work.r).reshape(-1)
             push[:after.size, k] = before - after
             for j in in_sections:
                 direct[j, k] = self.conditions[j].wanted.of(state) - values[j]

@@ -127,8 +127,7 @@ class Iteration:
         model, work = self.owner.core, self.owner.work
         columns, size = model.columns, len(model.dofs)
         panel = work.panel.reshape(-1, model.width)[:size * model.pattern.n]
-        blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
-        x = self.owner.linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
+        x = self.owner.linear.superlu.solve(model.blocks_in(work.blocks), np.ascontiguousarray(panel[:, :columns].T))
         if x is None:
             return False
         panel[:, :columns] = x.T
