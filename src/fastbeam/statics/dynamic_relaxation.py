@@ -24,7 +24,6 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer
-from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
@@ -331,9 +330,8 @@ class _Relaxation(StaticRows):
             return None, h * (0.5 if outcome.status == OK else 0.25)
         if outcome.status != OK:
             error = failure(self.stepper, outcome, self.t, self.steps, h)
-            raise ConvergenceError(str(error).replace("step ", "relax: step ", 1), step=self.steps, time=self.t,
-                                   residuals=error.residuals, worst=error.worst, state=self.state(),
-                                   result=self.result()) from error.__cause__
+            raise self._error(str(error).replace("step ", "relax: step ", 1), residuals=error.residuals,
+                              worst=error.worst) from error.__cause__
         self.steps += 1
         if self.way is not None and not self.way.is_done:
             self.way.took()
@@ -413,18 +411,19 @@ class _Relaxation(StaticRows):
         return True
 
     def _last(self) -> Result:
-        resolution = Resolution(self.model)
-        resolution.look(self.t, self.state())
-        for event in resolution.events():
-            self.buffer.event(event)
+        self.look_at_mesh(self.t, self.state())
         return self.result()
+
+    def _error(self, text: str, **more: Any) -> ConvergenceError:
+        """Form an error with the last shape and everything until then."""
+        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result(), **more)
 
     def _stuck(self) -> ConvergenceError:
         """Form the error of a motion that has come to rest where Newton's method does not finish."""
-        text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, and the last one moved it by "
-                f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it is "
-                "in .state, everything until then in .result")
-        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
+        return self._error(
+            f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, and the last one moved it by "
+            f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it is in "
+            ".state, everything until then in .result")
 
     def _restless(self, most_steps: int) -> ConvergenceError:
         """Form the error of a scene that does not come to rest."""
@@ -434,11 +433,10 @@ class _Relaxation(StaticRows):
                 "also that an equilibrium exists: a mechanism that a moment or a law turns for ever has none. The last shape is "
                 "in .state, everything until then in .result")
         self.event("stopped", self.t, text)
-        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
+        return self._error(text)
 
     def _ran_off(self, slider: int) -> ConvergenceError:
         name = self.model.names["sliders"][slider]
-        return ConvergenceError(f"relax: slider {name!r} leaves its beam during relaxation, after {self.steps} steps; let the "
-                                "scene begin with it elsewhere, or lock it in solve_static(model, held=...). The last shape is "
-                                "in .state, everything until then in .result", step=self.steps, time=self.t, state=self.state(),
-                                result=self.result())
+        return self._error(f"relax: slider {name!r} leaves its beam during relaxation, after {self.steps} steps; let the scene "
+                           "begin with it elsewhere, or lock it in solve_static(model, held=...). The last shape is in .state, "
+                           "everything until then in .result")

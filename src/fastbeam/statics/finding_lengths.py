@@ -119,7 +119,8 @@ class LengthSteps(LoadSteps):
         why = ("lengths do not affect the conditions there any more, or a part can move freely" if status == SINGULAR else
                "there may be no equilibrium beyond it, or a prestrain would leave the range from -10 to 0.99")
         text = f"find_lengths: the smallest step fails at a share of {reached:.6g} of the conditions"
-        error = ConvergenceError(f"{text}, {', '.join(told[k] for k in off)}; {why}. {KEPT}{self._look_at_mesh(reached)}",
+        error = ConvergenceError(f"{text}, {', '.join(told[k] for k in off)}; {why}. {KEPT}"
+                                 + self.look_at_mesh(reached, self.solver.state),
                                  step=len(solver.history), time=reached, residuals=sizes, state=result.state, result=result)
         return solver.stepper.blamed(error, text, KEPT)
 

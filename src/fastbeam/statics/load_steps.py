@@ -228,7 +228,7 @@ class LoadSteps(StaticRows):
         failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
         error = failure(solver.stepper, failed, reached, len(solver.history))
         text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
-        coarse = self._look_at_mesh(reached)
+        coarse = self.look_at_mesh(reached, solver.state)
         if solver.unresisted:
             coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and no other force resists: lock it, reduce "
                        "its load, or add a spring")
@@ -251,7 +251,7 @@ class LoadSteps(StaticRows):
             info |= solver.at_rest(task.asked, factors)
         if isinstance(solver, ExactSolver):
             info["force_along"] = solver.forces_along()
-        self._look_at_mesh(1.0)
+        self.look_at_mesh(1.0, solver.state)
         if isinstance(solver, SlidingSolver) and not isinstance(solver, ExactSolver):
             for event in place_events(solver, task.model):
                 self.buffer.event(event)
@@ -280,15 +280,6 @@ class LoadSteps(StaticRows):
         """Return the result so far, with the last equilibrium."""
         solver = self.solver
         return self.closed(solver.state, solver=solver.name, steps=len(solver.history), iterations=sum(solver.history))
-
-    def _look_at_mesh(self, factor: float) -> str:
-        """Add events where elements are too coarse for the last equilibrium; return the first as a text."""
-        resolution = Resolution(self.task.model, self.solver.strains)
-        resolution.look(factor, self.solver.state)
-        found = resolution.events()
-        for event in found:
-            self.buffer.event(event)
-        return f"; {found[0]['text']}" if found else ""
 
 
 def _slack(model: Model, state: State) -> str:

@@ -15,6 +15,7 @@ from fastbeam.interface.errors import ConvergenceError, Interrupted, carry
 from fastbeam.kernels.state import State
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
+from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.result import Result, ResultBuffer
 from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import StaticSolver
@@ -37,8 +38,9 @@ class StaticRows:
         self.model = model
         if not set(observe) <= set(RECORDED):
             Observer(model, observe, points)  # refuses what does not exist
+        self._strains = None if solver is None else solver.strains
         self.observed = "slider", "joint", *(kind for kind in observe if kind in RECORDED)
-        self.observer = Observer(model, self.observed, points, strains=None if solver is None else solver.strains)
+        self.observer = Observer(model, self.observed, points, strains=self._strains)
         self.reactions = None if solver is None else reactions_of(solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": method, "conserved": [], **info}
         header = self.observer.header(self.info)
@@ -67,6 +69,15 @@ class StaticRows:
         self.passes.look(state.q, at, where)
         q = (shown or state).q.reshape(-1, 4, 3)
         self.buffer.snapshot(at, q[:, 0], q[:, 1:])
+
+    def look_at_mesh(self, at: float, state: State) -> str:
+        """Add events where elements are too coarse for an equilibrium; return the first as a text."""
+        resolution = Resolution(self.model, self._strains)
+        resolution.look(at, state)
+        found = resolution.events()
+        for event in found:
+            self.buffer.event(event)
+        return f"; {found[0]['text']}" if found else ""
 
     def closed(self, state: State, **more: Any) -> Result:
         """Return the result so far with its last state, a copy; more: entries of `info`."""
