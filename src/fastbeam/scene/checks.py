@@ -250,6 +250,14 @@ def as_rotation(value: Any) -> Array:
     return rows if exact else constant(left @ right)
 
 
+def symmetry(matrix: Array) -> tuple[Array, float, float]:
+    """Return a matrix whose rows have different units scaled to a unit diagonal, its largest difference from its transpose, and
+    its smallest eigenvalue."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scaled = matrix / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
+    return scaled, float(np.max(np.abs(scaled - scaled.T))), float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+
+
 def rotation(who: str, what: str, value: Any) -> Array:
     """Return three finite orthonormal rows."""
     return take(as_rotation, f"{who}: {what}", value)

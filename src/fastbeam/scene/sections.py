@@ -33,13 +33,9 @@ def as_damping(value: Any) -> float | Array:
             raise Refusal(f"must be a retardation time >= 0 s, got {shown(value)}; less than {SMALLEST:g} s counts as none: "
                           "write 0")
         return float(found) if found.ndim == 0 else constant(found)
-    # scaled to a unit diagonal, as stiffness
-    scale = np.sqrt(np.maximum(np.diag(found), 0.0))
-    scaled = found / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
-    skew = float(np.max(np.abs(scaled - scaled.T)))
+    _, skew, least = checks.symmetry(found)
     if skew > 1e-9:
         raise Refusal(f"a matrix must be symmetric, but differs from its transpose by {skew:.3g} of its diagonal")
-    least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
     if least < -1e-12:
         raise Refusal("a matrix must be positive semidefinite, because others add energy; its smallest eigenvalue is "
                       f"{least:.3g} (after scaling to a unit diagonal)")
@@ -246,14 +242,10 @@ class Section:
         if np.any(diagonal <= 0.0):
             raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is "
                              f"{float(np.linalg.eigvalsh(0.5 * (C + C.T))[0]):.6g}")
-        # scaled to a unit diagonal: N, N m and N m^2 become comparable, definiteness is kept
-        scale = np.sqrt(diagonal)
-        scaled = C / np.outer(scale, scale)
-        skew = float(np.max(np.abs(scaled - scaled.T)))
+        scaled, skew, smallest = checks.symmetry(C)
         if skew > 1e-9:
             i, j = np.unravel_index(int(np.argmax(np.abs(scaled - scaled.T))), (6, 6))
             raise SceneError(f"{who}: C must be symmetric, C[{i},{j}]={C[i, j]:.6g} but C[{j},{i}]={C[j, i]:.6g}")
-        smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
         if smallest <= 1e-14:
             raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is {smallest:.3g} "
                              "(after scaling to a unit diagonal)")
