@@ -18,6 +18,7 @@ from fastbeam.model.maps import spins
 from fastbeam.model.tables import strain_gradient, strains_of
 from fastbeam.scene import Beam, Crossing, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider
 from fastbeam.scene.beams import NodeRef
+from fastbeam.scene.checks import nearest_triads
 from fastbeam.scene.interpolation.basis import Basis, build_basis
 
 Array = np.ndarray
@@ -228,8 +229,7 @@ def along(basis: Basis, s: Array, q: Array) -> Array:
     """Interpolate coordinates [n, 4, 3] at arc lengths s [n] of a beam from those of its nodes; triads are made orthonormal."""
     first, values, _ = basis.curve("own").evaluate(s)
     out = np.einsum("sn,snic->sic", values, q[first[:, None] + np.arange(values.shape[1])])
-    u, _, v = np.linalg.svd(out[:, 1:])
-    out[:, 1:] = u @ v
+    out[:, 1:] = nearest_triads(out[:, 1:])
     return out
 
 

@@ -12,7 +12,7 @@ from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, INCRE
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.state import State
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -72,7 +72,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
     of_point, tangent = gaps.rates[3 * k:3 * k + 3], gaps.tangents[k]
     relative = of_point @ state.v
     stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0
-    lead = np.linalg.svd(tangent[None])[2][1:] if stays else place.normal[None]
+    lead = across_of(tangent) if stays else place.normal[None]
 
     def change(begin: State) -> Array:
         rates = lead @ (of_point @ begin.v)

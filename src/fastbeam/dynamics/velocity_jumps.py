@@ -25,7 +25,7 @@ from fastbeam.kernels.joints.coordinates import VALUE, WORK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import nearest_by
 from fastbeam.model.connections import components
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.maps import free_unknowns, mass_map, rates_map, velocities_and_spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import active_supports
@@ -250,7 +250,7 @@ class Equations:
         for j, tangent in enumerate(gaps.tangents):
             if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):
                 continue
-            across = np.linalg.svd(tangent[None])[2][1:]
+            across = across_of(tangent)
             leads = lead if j == k and not settles else np.eye(3) if self.given[j] and j != k else across
             if driven[j] and j != k and own[j, HELD] == FREE and own[j, AGAINST] == 0.0:
                 self._drives[j] = sum(x.size for x in right)

@@ -123,6 +123,11 @@ class ConstraintGaps:
         return Gaps(values, follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3), np.unique(node)), tangents)
 
 
+def across_of(tangent: Array) -> Array:
+    """Return two unit vectors [2, 3] across a tangent [3]."""
+    return np.linalg.svd(tangent[None])[2][1:]
+
+
 def _on_nodes(term: Any, nodes: Array) -> Any:
     """Return a term of constraints whose forces and moments act on the nodes themselves."""
     term = term._replace(ties=NoTies())

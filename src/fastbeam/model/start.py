@@ -16,7 +16,7 @@ from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
 from fastbeam.model.connections import HOLD_TRIAD, components, fixed_axes
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import follow, turned
@@ -626,7 +626,7 @@ def _across(model: Model, rows: ConstraintGaps, q: Array, s: Array) -> tuple[Any
             break
         s[moves] = np.clip(s + increments, *model.ends_at(s).T)[moves]
     found = rows.at(q.reshape(-1), s)
-    axes = [np.linalg.svd(tangent[None])[2][1:] for tangent in found.tangents]
+    axes = [across_of(tangent) for tangent in found.tangents]
     matrix = [sparse.csr_matrix(two) @ found.rates[at] for two, at in zip(axes, of_sliders)]
     values = [two @ found.values[at] for two, at in zip(axes, of_sliders)]
     return sparse_rows(*matrix, found.rates[rows.others]), np.concatenate((*values, found.values[rows.others]))

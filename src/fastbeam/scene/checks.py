@@ -246,8 +246,13 @@ def as_rotation(value: Any) -> Array:
     if np.linalg.det(rows) < 0.0:
         raise Refusal("are left-handed; d3 must be d1 x d2")
     exact = np.array_equal(rows @ rows.T, np.eye(3))
-    left, _, right = np.linalg.svd(rows)
-    return rows if exact else constant(left @ right)
+    return rows if exact else constant(nearest_triads(rows))
+
+
+def nearest_triads(directors: Array) -> Array:
+    """Return the orthonormal triads nearest to directors in rows [..., 3, 3]."""
+    u, _, v = np.linalg.svd(directors)
+    return np.asarray(u @ v)
 
 
 def symmetry(matrix: Array) -> tuple[Array, float, float]:

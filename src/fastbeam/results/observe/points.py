@@ -14,7 +14,7 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.results.observe.resultants import Sections
 from fastbeam.scene import Beam, NodeRef, PointMass, RigidBody
-from fastbeam.scene.checks import Place
+from fastbeam.scene.checks import Place, nearest_triads
 
 Array = np.ndarray
 
@@ -58,7 +58,7 @@ class PointSeries:
         if self.spin:
             out["point_spin"] = np.array([_spin(*(self._triad(x, *place) for x in (q, v))) for place in self.places.values()])
         if self.orientation:
-            out["point_directors"] = np.array([_orthonormal(self._triad(q, *place)) for place in self.places.values()])
+            out["point_directors"] = np.array([nearest_triads(self._triad(q, *place)) for place in self.places.values()])
         if self.sections:
             out |= {name: np.full((len(self.places), 3), np.nan) for name in ("section_force", "section_moment")}
             for k, section in enumerate(self.sections):
@@ -118,12 +118,6 @@ def _spin(d: Array, rates: Array) -> Array:
     """Return the angular velocity [3], rad/s, that fits the rates of three directors best; exact for rigid motions also where
     interpolated directors are no triad."""
     return np.linalg.solve(np.sum(d * d) * np.eye(3) - d.T @ d, np.cross(d, rates).sum(axis=0))
-
-
-def _orthonormal(d: Array) -> Array:
-    """Return the triad nearest to three directors [3, 3]."""
-    u, _, v = np.linalg.svd(d)
-    return np.asarray(u @ v)
 
 
 def _section(model: Model, what: Any) -> Sections | None:

@@ -15,6 +15,7 @@ from fastbeam.model.start import own_state
 from fastbeam.model.tables import elements_of, strain_gradient, strains_of
 from fastbeam.results.result import Result
 from fastbeam.scene import Beam
+from fastbeam.scene.checks import nearest_triads
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -126,12 +127,12 @@ class Sections:
             stress += rates @ self.viscosity.T
         force, moment = forces_of(self.strain, stress, f, d, k)
         position = np.einsum("sn,tsnc->tsc", self.values, phi[:, self.at_nodes])
-        u, _, v = np.linalg.svd(np.einsum("sn,tsnkc->tskc", self.values, directors[:, self.at_nodes]))
+        triads = nearest_triads(np.einsum("sn,tsnkc->tskc", self.values, directors[:, self.at_nodes]))
         # about a fixed point the moment changes along the beam by what acts on it alone, so that a polynomial follows it best
         arm = np.einsum("sgn,tsgnc->tsgc", self.phi, phi[:, self.nodes]) - position[:, :, None]
         moment = moment + np.cross(arm, force)
         force, moment, strain = (self._through(x) for x in (force, moment, strain))
-        return SectionForces(np.asarray(t), self.s, force, moment, strain, position, u @ v,
+        return SectionForces(np.asarray(t), self.s, force, moment, strain, position, triads,
                              None if rates is None else self._through(rates))
 
     def strain_rates(self, q: Array, v: Array) -> Array:

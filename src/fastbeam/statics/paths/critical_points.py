@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.scene.checks import nearest_triads
 from fastbeam.statics.arc_length import Direction, PathSolver, root
 
 Array = np.ndarray
@@ -121,8 +122,7 @@ class PathStep:
         q, s, force, factor = (sum(w * x for w, x in zip(weights, part)) for part in zip(*states))
         if self.solver.stepper.plane is None:
             triads = q.reshape(-1, 4, 3)[:, 1:]
-            u, _, v = np.linalg.svd(triads)
-            triads[:] = u @ v
+            triads[:] = nearest_triads(triads)
         else:
             u = q.reshape(-1, 4)[:, 2:]
             u /= np.linalg.norm(u, axis=1)[:, None]
