@@ -25,10 +25,9 @@ class Impacts:
     """Impacts of a run on rigid stops.
 
     model: Model with tables in space.
-    times: float64 [S + R, 2], times of an earlier run.
     times: float64 [S + R, 2], times of the last impact of every slider, or way between contacts of moving meshes, and every
-        coordinate of a joint that may stick, at the start and the end, s; NEVER where there was none. None where nothing has
-        rigid stops.
+        coordinate of a joint that may stick, at the start and the end, s, at first those of an earlier run; NEVER where there
+        was none. None where nothing has rigid stops.
     number: number of impacts in this run.
     dulled: kinetic energy that the last impact dissipated because it came within a step of the one before, so that it did not
         bounce, as a share of the largest kinetic energy before an impact; `largest`: twice that, J.
