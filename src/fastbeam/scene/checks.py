@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, Union, datacl
 
 import numpy as np
 
-from fastbeam.interface.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take  # noqa: F401
+from fastbeam.interface.arguments import (LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown,  # noqa: F401
+    take)
 from fastbeam.interface.errors import SceneError
 
 if TYPE_CHECKING:
