@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fastbeam import __version__
+from fastbeam.interface.lazy_import import sparse
 
 NEEDED = ("numpy", "scipy", "numba", "llvmlite", "h5py", "matplotlib", "tqdm")
 OPTIONAL = ("pypardiso", "mkl", "pandas", "vtk", "imageio-ffmpeg")
@@ -106,7 +107,6 @@ def sparse_solver() -> tuple[bool, str]:
     if load_mkl() is None:
         return True, "not there"
     import pypardiso
-    import scipy.sparse as sparse
     n = 200
     line = sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
     matrix = sparse.csr_array(sparse.kron(line, sparse.eye_array(n)) + sparse.kron(sparse.eye_array(n), line))

@@ -208,7 +208,7 @@ def sweep(build: Callable[..., Built], cases: Iterable[Mapping[str, object]] | M
     writer = None
     if file is not None:
         header = {"cases": [_key(k, case) for k, case in enumerate(every)], "build": _name_of(build),
-                  "measure": _name_of(measure), "run": _text_of(job.run)}
+                  "measure": _name_of(measure), "run": json.dumps(job.run, sort_keys=True, default=_written)}
         path = Path(os.fspath(file))
         if not overwrite and os.path.lexists(path):
             done = _kept(path, header, retry)
@@ -246,10 +246,8 @@ def load_sweep(path: str | PathLike[str]) -> Sweep:
 
 # --- cases ------------------------------------------------------------------------------------------------------------------
 def list_cases(cases: Any) -> list[dict[str, Any]]:
-    """List all cases as dicts; combinations of the values of a mapping.
-
-    Raises SceneError: they are neither mappings nor lists of values.
-    """
+    """List all cases as dicts; combinations of the values of a mapping. Raises SceneError: they are neither mappings nor lists of
+    values."""
     if isinstance(cases, Mapping):
         lists = {name: list(values) if _is_list(values) else None for name, values in cases.items()}
         wrong = next((name for name, values in lists.items() if values is None or not isinstance(name, str)), None)
@@ -299,11 +297,6 @@ def _key(k: int, case: Mapping[str, Any]) -> str:
 def _name_of(function: Any) -> str:
     name = getattr(function, "__qualname__", type(function).__name__)
     return "" if function is None else f"{getattr(function, '__module__', '')}.{name}"
-
-
-def _text_of(run: Mapping[str, Any] | None) -> str:
-    """Return arguments of `simulate` as a text that is the same in every process."""
-    return json.dumps(run, sort_keys=True, default=_written)
 
 
 def _written(value: Any) -> Any:

@@ -139,7 +139,7 @@ def test_a_run_does_not_go_back_to_the_compiler() -> None:
     assert "stepping/stepper.py" in entered and "results/result.py" in entered
     assert entered & STAGES == set()
     # what there is to say about contacts and tables of time asks parts of the scene
-    told = {"scene/scene.py", "scene/sliders.py", "scene/beams.py", "scene/sections.py",
+    told = {"scene/scene.py", "scene/sliders.py", "scene/paths.py", "scene/beams.py", "scene/sections.py",
             "scene/interpolation/basis.py", "scene/interpolation/shapes.py"}
     assert {name for name in entered if name.startswith("scene/")} <= told
 

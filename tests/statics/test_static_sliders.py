@@ -19,7 +19,7 @@ from fastbeam.linalg.scaling import equilibrated
 from fastbeam.model.mapping import contact, follow
 from fastbeam.model.maps import free_unknowns, share_map
 from fastbeam.model.model import Model
-from fastbeam.results.observe.observer import strain_energy
+from fastbeam.results.observe.observer import Observer
 from fastbeam.statics.slider_friction import with_friction
 from fastbeam.stepping.assembled import Constraints, Equations, SaddleMatrix, entries_of_matrix
 from fastbeam.stepping.stepper import Stepper
@@ -82,7 +82,8 @@ def lagrangian(model: Model, q: Array, s: Array, force: Array) -> float:
     """Energy of strain, weight and loads less the work of the contact forces on the gaps."""
     loads = float(np.sum(q[:, 0] * (model.gravity_weight[:, None] * model.gravity + model.constant_load)))
     gaps = [contact(model, k, float(s[k]), q, q)[0] for k in range(s.size)]
-    return strain_energy(model, q.reshape(-1)) - loads - float(np.sum(np.array(gaps) * force.reshape(-1, 3)))
+    stored = Observer(model, ("energy",), None).strain_energy(q.reshape(-1))
+    return stored - loads - float(np.sum(np.array(gaps) * force.reshape(-1, 3)))
 
 
 def slopes(model: Model, state: State) -> tuple[Array, Array]:

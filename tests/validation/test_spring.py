@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-from fastbeam.results.observe.observer import strain_energy
+from fastbeam.results.observe.observer import Observer
 
 Array = np.ndarray
 BAR = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
@@ -156,7 +156,7 @@ def test_a_load_between_two_springs_snaps_down() -> None:
 # ------------------------------------------------------------------------------------------------------------------ words
 def test_energy_of_springs_counts() -> None:
     model = fb.compile_scene(pendulum(length=0.4))
-    assert strain_energy(model, model.q0) == pytest.approx(0.5 * 200.0 * 0.6**2, rel=1e-14)
+    assert Observer(model, ("energy",), None).strain_energy(model.q0) == pytest.approx(0.5 * 200.0 * 0.6**2, rel=1e-14)
 
 
 def test_print_model_and_scene_name_springs() -> None:

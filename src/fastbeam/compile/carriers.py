@@ -83,10 +83,10 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     beams = {first: beam for first, beam in beams.items() if first not in refused}
     if not beams:
         return None
-    return _packed(nodes, beams, sliders, {body: first for body, first in beam_of.items() if first in beams}, arms)
+    return _packed(beams, sliders, {body: first for body, first in beam_of.items() if first in beams}, arms)
 
 
-def _packed(nodes: NodeList, beams: dict[int, Any], sliders: dict[int, list[int]], beam_of: dict[int, int],
+def _packed(beams: dict[int, Any], sliders: dict[int, list[int]], beam_of: dict[int, int],
             arms: dict[int, list[int]]) -> Found:
     first = sorted(beams)
     number = {node: l for l, node in enumerate(first)}

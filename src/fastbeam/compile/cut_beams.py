@@ -14,9 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.compile.unpack import points_of
+from fastbeam.model.maps import spins
 from fastbeam.model.tables import strain_gradient, strains_of
 from fastbeam.scene import Beam, Crossing, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider
 from fastbeam.scene.beams import NodeRef
+from fastbeam.scene.checks import nearest_triads
 from fastbeam.scene.interpolation.basis import Basis, build_basis
 
 Array = np.ndarray
@@ -227,8 +229,7 @@ def along(basis: Basis, s: Array, q: Array) -> Array:
     """Interpolate coordinates [n, 4, 3] at arc lengths s [n] of a beam from those of its nodes; triads are made orthonormal."""
     first, values, _ = basis.curve("own").evaluate(s)
     out = np.einsum("sn,snic->sic", values, q[first[:, None] + np.arange(values.shape[1])])
-    u, _, v = np.linalg.svd(out[:, 1:])
-    out[:, 1:] = u @ v
+    out[:, 1:] = nearest_triads(out[:, 1:])
     return out
 
 
@@ -371,7 +372,7 @@ def _slopes_at_nodes(p: int, h: float, q: Array) -> tuple[Array, Array]:
     """Return the derivatives by the arc length of positions and spins [p + 1, 3] at the nodes of an element of length h."""
     unit = _unit(p)
     slope = np.einsum("an,nic->aic", unit.curve("own").evaluate(unit.node_s)[2], q - q[:1]) / h
-    return slope[:, 0], 0.5 * np.cross(q[:, 1:], slope[:, 1:]).sum(axis=1)
+    return slope[:, 0], spins(q, slope)
 
 
 def _way(p: int, sides: list[tuple[float, Array]]) -> Array:

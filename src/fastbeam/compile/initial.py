@@ -53,11 +53,8 @@ def _speed_of(wrong: Mismatch) -> float:
 def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
                   kept: list[ConstrainedJoint], at_rest: Callable[[], Model]) -> tuple[Array, tuple[tuple[str, str], ...]]:
     """Return the rates of the coordinates at t = 0 [12 N], and kinds and texts of events. kept: joints with multipliers; at_rest:
-    makes the model of the scene at rest, for projection of velocities.
-
-    Raises SceneError: velocities that a connection, a support or a slider does not allow, unless the scene asks for their
-        projection and there is one.
-    """
+    makes the model of the scene at rest, for projection of velocities. Raises SceneError: velocities that a connection, a support
+    or a slider does not allow, unless the scene asks for their projection and there is one."""
     n = len(nodes)
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
@@ -178,10 +175,7 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
 def place_points(scene: Scene, nodes: NodeList) -> None:
     """Move sliding points onto their discrete curves, before their positions are used: a mass without position all the way, other
     points by the round-off of typed positions. The first step would close a gap, and that impact would stay in the motion for
-    ever.
-
-    Raises SceneError: a point lies further off its curve, or two sliders want it at different places.
-    """
+    ever. Raises SceneError: a point lies further off its curve, or two sliders want it at different places."""
     lines = _contact_lines(scene, nodes)
     for slider, line in zip(scene.sliders, lines):
         point, mass = line[3], slider.point.owner

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -39,16 +39,12 @@ from fastbeam.scene import BallJoint, Bushing, Damper, DistanceJoint, ForceEleme
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.links import Link, label_of
 
+if TYPE_CHECKING:
+    from fastbeam.compile.order import Blocks
+
 Array = np.ndarray
 # largest way of the ends of a spring past each other in a step of step control, as a share of its length
 SHORT_PASSAGE = 2e-3
-
-
-class Blocks(Protocol):
-    """Numbers of the blocks of the tangent."""
-
-    def between(self, a: Array, b: Array) -> Array:
-        """Return the blocks that couple nodes, int [n]."""
 
 
 class Ends:
@@ -219,10 +215,8 @@ class Lines(NamedTuple):
 
 
 class Passes:
-    """Events of springs and line forces whose ends pass each other between consecutive equilibria.
-
-    event: takes an event {'kind', 'time', 'text'}.
-    """
+    """Events of springs and line forces whose ends pass each other between consecutive equilibria; event: takes an event {'kind',
+    'time', 'text'}."""
 
     def __init__(self, lines: Lines | None, event: Callable[[dict[str, Any]], None]) -> None:
         self._lines, self._event = lines, event
@@ -245,10 +239,8 @@ class Passes:
 
 
 def _tested(entry: Entry, table: Any) -> Any:
-    """Check the table of a kind from outside, which kernels use unchecked.
-
-    Raises TypeError: the table is no named tuple of arrays, or has no `assemble`.
-    """
+    """Check the table of a kind from outside, which kernels use unchecked. Raises TypeError: the table is no named tuple of
+    arrays, or has no `assemble`."""
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
         raise TypeError(f"{who} must be a named tuple of arrays, got {type(table).__name__}")
@@ -383,7 +375,8 @@ class Links:
         out: dict[type, Lawful] = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
         for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
             parts, at = self.of(noun)
-            out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
+            out[table] = Lawful(parts, np.arange(len(parts)),
+                                lambda k, at=at: " and ".join(nodes.labels[i] for i in at[k].tolist()), asked_of)
         return [UserLaws(loaded.forces, between, out)] if loaded.forces or between else []
 
     @property
@@ -418,10 +411,6 @@ class Links:
         if self.ropes.winches:
             out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
-
-
-def _both(nodes: NodeList, at: Array, k: int) -> str:
-    return " and ".join(nodes.labels[i] for i in at[k].tolist())
 
 
 def _evaluators_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:

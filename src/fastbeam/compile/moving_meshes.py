@@ -18,7 +18,8 @@ from fastbeam.kernels.state import State
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from fastbeam.model.feature import Feature, OfRun
-from fastbeam.model.workspace import moving_of_run
+from fastbeam.model.maps import spins
+from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import (
     BallJoint,
     Beam,
@@ -117,13 +118,9 @@ class Moving(Feature):
     def gaps(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the distances between neighbouring contacts and ends of beams at coordinates [12 N], the smallest allowed, and
         the lengths of the beams, m."""
-        found, least, lengths = [], [], []
-        for table in self.tables:
-            spacings = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
-            found.append(spacings)
-            least.append(np.full(spacings.size, table.length[1]))
-            lengths.append(np.full(spacings.size, table.length[0]))
-        return np.concatenate(found), np.concatenate(least), np.concatenate(lengths)
+        found = [np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1]))) for table in self.tables]
+        lengths, least = np.repeat([table.length[:2] for table in self.tables], [x.size for x in found], axis=0).T
+        return np.concatenate(found), least, lengths
 
     def at_end(self, gap: int, q: Array) -> dict[str, Any]:
         """Return the event of a contact at the end of its range, by the number of the gap."""
@@ -153,7 +150,7 @@ class Moving(Feature):
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """Return the table of a beam with work arrays of the run; other tables unchanged."""
-        return moving_of_run(table) if isinstance(table, MovingBeam) else table
+        return (table._replace(scratch=scratch_of_moving(table.node.shape[1])) if isinstance(table, MovingBeam) else table)
 
     @property
     def exchanges(self) -> bool:
@@ -230,10 +227,8 @@ class Rewritten(NamedTuple):
 
 
 def rewrite(scene: Scene) -> Rewritten | None:
-    """Return a scene in which contacts of moving meshes are joints; None without moving meshes.
-
-    Raises SceneError: names a part that moving meshes do not know.
-    """
+    """Return a scene in which contacts of moving meshes are joints; None without moving meshes. Raises SceneError: names a part
+    that moving meshes do not know."""
     parts = [part for part in scene.parts if isinstance(part, MovingMesh)]
     if not parts:
         return None
@@ -306,12 +301,12 @@ def initial(rewritten: Rewritten, numbered: Numbered, pack: Callable[[Scene, Unp
         here, there = nodes.span(part), before.nodes.span(part)
         nodes.phi[here] = q_old[there, 0]
         v[here] = v_old[there, 0]
-        spin[here] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+        spin[here] = spins(q_old[there], v_old[there])
     for key, arm in nodes.arms.items():
         there = before.nodes.arms.get(key)
         if there is not None:
             nodes.phi[arm], v[arm] = q_old[there, 0], v_old[there, 0]
-            spin[arm] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+            spin[arm] = spins(q_old[there], v_old[there])
     for mesh in rewritten.meshes:
         span, d = nodes.span(mesh.beam), nodes.directors[nodes.span(mesh.beam)]
         rates = np.zeros(len(mesh.sliders))

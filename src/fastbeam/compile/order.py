@@ -28,10 +28,7 @@ class Ordered:
 
 def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
     """Choose the order of elimination; constraints: number of constraints with multipliers that are not condensed with beams;
-    kept: number of joints among them.
-
-    Raises SceneError: solver='chain' where that would fill the matrix.
-    """
+    kept: number of joints among them. Raises SceneError: solver='chain' where that would fill the matrix."""
     joints, links, n = numbered.joints, numbered.links, len(numbered.nodes)
     used, carriers, ends = condensed.used, condensed.carriers, condensed.ends
     size, columns = 0, constraints > 0

@@ -351,15 +351,12 @@ def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane, strain
             some = every[begin:begin + CHUNK // 8]
             part_of = np.searchsorted(begins, some, side="right") - 1
             constants, viscosity, own = (np.concatenate(x) for x in zip(*(
-                _group_tables(*_some_groups(*parts[k], some[part_of == k] - begins[k]), plane) for k in np.unique(part_of))))
+                _group_tables(parts[k][0], parts[k][1].reshape(-1, 8)[some[part_of == k] - begins[k]].reshape(-1), plane)
+                for k in np.unique(part_of))))
             meta[some, CONSTANTS] = pool.constants(constants, viscosity if packer.is_damped else None)
             meta[some, REFERENCE] = strains.append(own)
     meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
     return ElementTables(meta, pool.array(), tables.nodes, tables.rows, tables.blocks)
-
-
-def _some_groups(elements: Elements, lane: Array, groups: Array) -> tuple[Elements, Array]:
-    return elements, lane.reshape(-1, 8)[groups].reshape(-1)
 
 
 def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array, Array, Array]:

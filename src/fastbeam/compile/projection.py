@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.interface.lazy_import import sparse
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.maps import mass_map, velocity_map
 from fastbeam.model.model import Model
 from fastbeam.model.numbering import NodeList
@@ -31,14 +32,13 @@ def project(model: Model, scene: Scene, v: Array, omega: Array, moving: tuple[Ar
     v, omega: float64 [N, 3], velocities and spins of the scene.
     moving: tuple of float64 [N, 3], velocities and spins of supports.
     """
-    from scipy import sparse
     rows = ConstraintGaps(model)
     gaps = rows.at(model.q0, model.s0)
     matrix, right = [], []
     for k, slider in enumerate(scene.sliders):
         if not slider.starts_off:
             # without a rate any speed along the tangent is allowed
-            lead = np.eye(3) if slider.rate is not None else np.linalg.svd(gaps.tangents[k][None])[2][1:]
+            lead = np.eye(3) if slider.rate is not None else across_of(gaps.tangents[k])
             matrix.append(sparse.csr_matrix(lead) @ gaps.rates[3 * k:3 * k + 3])
             right.append(lead @ gaps.tangents[k] * (slider.rate or 0.0))
     right += [link.rates() for link in model.kept if link.law.holds]

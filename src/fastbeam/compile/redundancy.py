@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.model.connections import HOLD_POSITION, HOLD_TRIAD, Connections, components
 from fastbeam.model.joints.constraints import ConstrainedJoint
 
@@ -49,11 +50,9 @@ def softness_of(kept: Sequence[ConstrainedJoint], connections: Connections, rank
     for c in np.flatnonzero((links >= members) & (members > MANY_LINKS)):
         ours = of_joint == c
         if ours.any():
-            from scipy import sparse
-            from scipy.sparse.csgraph import breadth_first_order
             first = n if component[n] == c else int(ends[ours][0, 0])
             graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n + 1, n + 1))
-            order, before = breadth_first_order(graph, first, directed=False)
+            order, before = sparse.csgraph.breadth_first_order(graph, first, directed=False)
             far = np.zeros(n + 1)
             for i in order[1:].tolist():
                 far[i] = far[before[i]] + 1.0

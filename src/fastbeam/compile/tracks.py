@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 from fastbeam.interface.errors import SceneError
 from fastbeam.model.connections import components
 from fastbeam.model.numbering import NodeList
-from fastbeam.scene import Beam, Path, Scene, Slider, Switch
+from fastbeam.scene import Beam, NodeRef, Path, Scene, Slider, Switch
 from fastbeam.scene.interpolation.basis import CurveBasis, end_bumps
 from fastbeam.scene.switches import END
 
@@ -49,10 +49,8 @@ class Track:
 
 
 def contact_curve_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
-    """Return the curve of a slider, made once for all sliders on it.
-
-    Raises SceneError: beams of a path meet where nothing holds them together.
-    """
+    """Return the curve of a slider, made once for all sliders on it. Raises SceneError: beams of a path meet where nothing holds
+    them together."""
     key = (slider.beam, slider.curve, getattr(slider, "length", 0.0))
     if key not in nodes.tracks:
         on = slider.beam
@@ -73,11 +71,7 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
     smooth = np.zeros(len(joints), bool)
     turns = list(zip(path.directions, path.directions[1:] + path.directions[:1]))
     together = _Together(scene, nodes)
-    for j, (one, other) in enumerate(joints):
-        a, b = nodes.number(one), nodes.number(other)
-        if not together.joined(a, b):
-            raise SceneError(f"{path.label}: {one} and {other} meet without a joint, so they would move apart; join them by a "
-                             "RigidConnection or a BallJoint, or use beams of a net that share a node")
+    for j, (a, b) in enumerate(together.numbers(path.label, joints)):
         # a hinge may turn at any time
         kink = turns[j][0] * tangents[a] - turns[j][1] * tangents[b]
         smooth[j] = kind == "c1" and together.turn_alike(a, b) and float(np.linalg.norm(kink)) < STRAIGHT
@@ -134,11 +128,7 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
     """Join all tracks one behind the other to one curve. Straight pieces between them serve iterations of a step beyond an end: a
     slider never stays there."""
     tracks = _tracks_of(scene, nodes, switch, kind)
-    together = _Together(scene, nodes)
-    for one, other in switch.joints():
-        if not together.joined(nodes.number(one), nodes.number(other)):
-            raise SceneError(f"{switch.label}: {one} and {other} meet without a joint, so they would move apart; join them by a "
-                             "RigidConnection or a BallJoint, or use beams of a net that share a node")
+    _Together(scene, nodes).numbers(switch.label, switch.joints())
     width, size = (max(track.basis.coef.shape[k] for track in tracks) for k in (1, 2))
     ends, first, count, coef = [np.zeros(1)], [], [], []
     node = 0
@@ -271,7 +261,7 @@ class _Together:
         self.still[np.array([nodes.number(x.at) for x in whole if not x.holds_triad], np.int64)] = True
         for net in scene.nets:
             self.still[nodes.span(net)] |= net.held() & 7 == 7
-        self.phi = nodes.phi
+        self.nodes, self.phi = nodes, nodes.phi
         self.tolerance = 1e-9 * (float(np.max(np.ptp(self.phi, axis=0))) or 1.0) + 32.0 * float(
             np.finfo(float).eps * np.max(np.abs(self.phi)))
 
@@ -282,14 +272,20 @@ class _Together:
     def joined(self, a: int, b: int) -> bool:
         """Return whether two nodes at one place stay together: through joints at that place, or because supports hold both."""
         here = np.max(np.abs(self.phi - self.phi[a]), axis=1) <= self.tolerance
-        # parts that reach this place, by their rigid sets; -1 is the ground
-        known, front = {int(self.set[a])}, [int(self.set[a])]
-        sides = [tuple(x) for x in self.set[self.balls[here[self.balls].all(axis=1)]].tolist()]
-        sides += [(x, -1) for x in self.set[here & self.still].tolist()]
-        while front:
-            part = front.pop()
-            for one, other in [*sides, *((y, x) for x, y in sides)]:
-                if one == part and other not in known:
-                    known.add(other)
-                    front.append(other)
-        return int(self.set[b]) in known
+        # pairs of rigid sets that meet at this place, -1 is the ground; then those of both nodes
+        still = self.set[here & self.still]
+        pairs = np.concatenate((self.set[self.balls[here[self.balls].all(axis=1)]],
+                                np.stack((still, np.full_like(still, -1)), axis=1), self.set[[[a, b]]]))
+        every, number = np.unique(pairs, return_inverse=True)
+        number = number.reshape(-1, 2)
+        one, other = components(every.size, number[:-1])[number[-1]]
+        return bool(one == other)
+
+    def numbers(self, who: str, joints: list[tuple[NodeRef, NodeRef]]) -> list[tuple[int, int]]:
+        """Return the numbers of nodes at which parts of a track meet. Raises SceneError: nothing holds two of them together."""
+        out = [(self.nodes.number(one), self.nodes.number(other)) for one, other in joints]
+        for (one, other), (a, b) in zip(joints, out):
+            if not self.joined(a, b):
+                raise SceneError(f"{who}: {one} and {other} meet without a joint, so they would move apart; join them by a "
+                                 "RigidConnection or a BallJoint, or use beams of a net that share a node")
+        return out

@@ -81,10 +81,8 @@ class Unpacked:
 
 def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], Model], known: State | None = None) -> Unpacked:
     """Return the arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected;
-    known: the initial state, where that is not the one of the scene.
-
-    Raises SceneError: initial velocities that a connection, a support or a slider does not allow.
-    """
+    known: the initial state, where that is not the one of the scene. Raises SceneError: initial velocities that a connection, a
+    support or a slider does not allow."""
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                 if all(part is not mesh.beam for mesh in scene.moving)]
@@ -247,10 +245,8 @@ class Points(NamedTuple):
 
 def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
     """Return points that integrate the force (0) or moment (1) of a load, a function of s, over elements with these ends [E + 1]:
-    pieces are halved until halves make no difference, so that jumps and kinks may lie anywhere.
-
-    Raises SceneError: the function jumps too often.
-    """
+    pieces are halved until halves make no difference, so that jumps and kinks may lie anywhere. Raises SceneError: the function
+    jumps too often."""
     # points at both ends, so that a jump near an end is found
     last = load.beam.degree + 2
     at = gll_nodes(last)

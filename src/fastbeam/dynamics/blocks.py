@@ -21,14 +21,9 @@ CALL_TIME, MOST_NUMBERS = 0.05, 500_000
 class Block:
     """Rows of equal numbers of steps.
 
-    Attributes
-    ----------
-    t : float64 [m]
-        Their times.
-    q, v : float64 [m, 12 N]
-        Coordinates in space and their rates.
-    iterations : int64 [m]
-        Newton iterations before each, since the row before it.
+    t: float64 [m], their times.
+    q, v: float64 [m, 12 N], coordinates in space and their rates.
+    iterations: int64 [m], Newton iterations before each, since the row before it.
     """
 
     def __init__(self, t: Array, q: Array, v: Array, iterations: Array, rest: tuple[Array, ...]) -> None:
@@ -40,12 +35,7 @@ class Block:
 
 
 class Blocks:
-    """Takes blocks of steps of a scene that has nothing between two steps to look after.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    """
+    """Takes blocks of steps of a scene that has nothing between two steps to look after."""
 
     def __init__(self, stepper: Stepper) -> None:
         self.stepper = stepper

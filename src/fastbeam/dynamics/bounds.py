@@ -116,10 +116,8 @@ class OfJoints:
 
 
 class Bounded:
-    """All coordinates with bounds of a model: those of sliders or moving meshes, then those of joints.
-
-    scales: float64 [n], lengths of beams, m; large values of coordinates of joints, m or rad.
-    """
+    """All coordinates with bounds of a model: those of sliders or moving meshes, then those of joints; scales: float64 [n],
+    lengths of beams, m; large values of coordinates of joints, m or rad."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

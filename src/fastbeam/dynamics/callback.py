@@ -53,18 +53,9 @@ def given_places(model: Model) -> list[tuple[str, Any]]:
 class Callback:
     """Caller of a function of (t, state) at rows.
 
-    Parameters
-    ----------
-    model : Model
-    function : callable
-        Called with the time, s, and a read-only State in space; True ends the run.
-    t_end : float
-        Time functions are not asked for later than that.
-
-    Attributes
-    ----------
-    found : str
-        Message about a forbidden change, empty where there was none. Loads, motors, drives and motions of supports that the
+    function: called with the time, s, and a read-only State in space; True ends the run.
+    t_end: time functions are not asked for later than that.
+    found: message about a forbidden change, empty where there was none. Loads, motors, drives and motions of supports that the
         function sets act one step too late: the step that led here used another value than the one that belongs to this state.
     """
 
@@ -75,12 +66,7 @@ class Callback:
 
     def __call__(self, t: float, size: float, state: State) -> bool:
         """Call the function; return whether the run ends at time t, after a step of this size. state: a copy of the present one.
-
-        Raises
-        ------
-        SceneError
-            The function returned something else than True, False or None.
-        """
+        Raises SceneError: the function returned something else than True, False or None."""
         for x in state:
             x.flags.writeable = False
         times = (t, min(t + 0.5 * size, self.t_end))

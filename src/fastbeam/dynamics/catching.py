@@ -19,14 +19,8 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     the node rests, or moves as the support does: momenta stay along what is free. The work of the blow of a support that moves is
     booked with that of its reaction.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    state : State
-    k : int
-    t : float
-        s.
+    model: Model with tables in space.
+    t: s.
     """
     of = model.released
     node, motion = int(of.node[k]), int(of.motion[k])

@@ -177,12 +177,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
 
 def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False) -> Path:
     """Refuse a place where a checkpoint cannot or must not be written; `probe` finds out by writing an empty file beside it.
-    Returns the file itself where the path is a link to it.
-
-    Raises
-    ------
-    ResultFileError
-    """
+    Returns the file itself where the path is a link to it. Raises ResultFileError."""
     named = Path(path)
     try:
         path = Path(os.path.realpath(named))
@@ -239,27 +234,16 @@ def _replace(path: Path, data: bytes) -> None:
 
 @dataclass
 class Clock:
-    """Time of a run. Fixed steps are counted, so that their times depend neither on rows nor on interruptions.
+    """Time of a run. Fixed steps are counted, so that their times depend neither on rows nor on interruptions."""
 
-    Attributes
-    ----------
-    origin, done : float, int
-        After `done` whole steps the time is origin + done*step.
-    now : float
-    size : float
-        Size of the next step; constant with a fixed step.
-    began : float
-        Time of the first state, also where the run goes on from a checkpoint.
-    before, before_size : float64 [F] or None, float or None
-        Mean contact force of the last step, and its size.
-    """
-
+    # origin, done: after `done` whole steps the time is origin + done*step
     origin: float
     now: float
     step: float
-    size: float
-    began: float
+    size: float  # size of the next step; constant with a fixed step
+    began: float  # time of the first state, also where the run goes on from a checkpoint
     done: int = 0
+    # mean contact force of the last step, float64 [F], and its size
     before: Array | None = None
     before_size: float | None = None
     on_grid: bool = True
@@ -306,12 +290,7 @@ def _unclear(a: float, b: float, step: float) -> float:
 
 
 def check_times(now: float, t_end: float, step: float, name: str = "step") -> None:
-    """Refuse runs whose times doubles cannot tell apart.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse runs whose times doubles cannot tell apart. Raises SceneError."""
     if not t_end > now:
         raise SceneError(f"t_end: must be greater than the time of the start, {now:g} s, got {t_end:g}")
     if t_end - now <= _unclear(now, t_end, step) * step:
@@ -326,13 +305,8 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
 
 
 def start_clock(model: Model, start: Any, time: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
-    """Return state and clock at the start of a run.
-
-    Raises
-    ------
-    SceneError
-        The checkpoint is one of another model, or a time is given beside it.
-    """
+    """Return state and clock at the start of a run. Raises SceneError: the checkpoint is one of another model, or a time is given
+    beside it."""
     if not isinstance(start, Checkpoint):
         t = 0.0 if time is None else time
         return start, Clock(t, t, step, step, t)

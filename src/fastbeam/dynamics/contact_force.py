@@ -25,14 +25,9 @@ class ContactForces:
     for their forces only. Where something dissipates none are taken back, which would make what was dissipated grow again: the
     last row is extrapolated from the last three steps.
 
-    Parameters
-    ----------
-    stepper : Stepper
-        Its state is the same to the last bit after every call.
-    controlled : bool
-        Steps are two of half the size, so that forces do not alternate from one to the next.
-    t_start, t_end : float
-        Between which loads with time functions may be asked for.
+    stepper: its state is the same to the last bit after every call.
+    controlled: steps are two of half the size, so that forces do not alternate from one to the next.
+    t_start, t_end: between which loads with time functions may be asked for.
     """
 
     def __init__(self, stepper: Stepper, controlled: bool, t_start: float, t_end: float) -> None:

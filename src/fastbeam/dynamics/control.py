@@ -34,13 +34,8 @@ LARGE_TURN, UNRESOLVED_TURN = 0.5, 0.5 * np.pi
 
 
 def composition(order: int) -> Array:
-    """Return the substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6).
-
-    Raises
-    ------
-    SceneError
-        The order is neither 2 nor 4.
-    """
+    """Return the substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6). Raises SceneError: the order is neither
+    2 nor 4."""
     if order not in (2, 4):
         raise SceneError(f"order: must be 2 or 4, got {order!r}")
     return WEIGHTS[order]
@@ -160,14 +155,9 @@ def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: fl
                      reached: Callable[[State, float], tuple[float, list[Any]]]) -> tuple[float, Outcome, list[Any]]:
     """Shorten a step from t, after which a condition holds, so that it ends where the first of them begins to.
 
-    Parameters
-    ----------
-    parts : int
-        The step consists of so many of the same size.
-    least : float
-        Share of the step: what holds by then holds now.
-    reached : callable
-        (state, t) -> how far the first condition is reached, negative before that, and which conditions hold.
+    parts: the step consists of so many of the same size.
+    least: share of the step: what holds by then holds now.
+    reached: (state, t) -> how far the first condition is reached, negative before that, and which conditions hold.
 
     Returns
     -------
@@ -198,29 +188,11 @@ def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: fl
 class StepSizes:
     """Local error control by step doubling: one step against two halves; the halves are kept.
 
-    Parameters
-    ----------
-    tolerance : float
-        Allowed local error of a position per step, relative to the size of the scene; of a triad at the radius of gyration of its
-        body or section.
-    order : int
-        Order of the method.
-    smallest, largest : float
-        Bounds of the step, s.
-
-    Attributes
-    ----------
-    accepted, rejected : int
-    passed : dict
-        Passages that steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each
-        other on a long way -> whether an event has told so.
-    radius : float64 [N], optional
-        Radii of gyration of all nodes, m, from the first step on.
-
-    Raises
-    ------
-    SceneError
-        The smallest step is not > 0, or larger than the largest.
+    tolerance: allowed local error of a position per step, relative to the size of the scene; of a triad at the radius of gyration
+        of its body or section.
+    order: order of the method.
+    smallest, largest: bounds of the step, s.
+    Raises SceneError: the smallest step is not > 0, or larger than the largest.
     """
 
     tolerance: float
@@ -229,7 +201,10 @@ class StepSizes:
     largest: float
     accepted: int = 0
     rejected: int = 0
+    # passages that steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each other
+    # on a long way -> whether an event has told so
     passed: dict[int, bool] = field(default_factory=dict)
+    # float64 [N], optional: radii of gyration of all nodes, m, from the first step on
     radius: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -238,13 +213,7 @@ class StepSizes:
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
         """Take one accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK
-        without a step means that `stepper.stop` said so.
-
-        Raises
-        ------
-        ConvergenceError
-            The smallest step fails.
-        """
+        without a step means that `stepper.stop` said so. Raises ConvergenceError: the smallest step fails."""
         start = stepper.save()
         try:
             return self._accepted(stepper, start, t, h, step)
@@ -353,13 +322,8 @@ class StepSizes:
 
 
 def step_sizes(asked: StepControl, order: int, clock: Clock, t_end: float) -> StepSizes:
-    """Make the step control of a run, with bounds where none are given: a millionth of the first step, a tenth of the run.
-
-    Raises
-    ------
-    SceneError
-        The bounds are none, or doubles cannot tell apart times of smallest steps.
-    """
+    """Make the step control of a run, with bounds where none are given: a millionth of the first step, a tenth of the run. Raises
+    SceneError: the bounds are none, or doubles cannot tell apart times of smallest steps."""
     largest = 0.1 * (t_end - clock.origin) if asked.max_step is None else asked.max_step
     least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
     smallest = min(max(1e-6 * clock.step, least), largest) if asked.min_step is None else asked.min_step

@@ -35,15 +35,7 @@ class Passed(NamedTuple):
 
 
 class Corners:
-    """Corners that a slider meets in a step.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    locking : Locking
-    control : StepSizes, optional
-        Judges the steps.
-    """
+    """Corners that a slider meets in a step; control: judges the steps."""
 
     def __init__(self, stepper: Stepper, locking: Locking, control: StepSizes | None = None) -> None:
         self.stepper, self.locking, self.model, self.control = stepper, locking, stepper.model, control
@@ -51,25 +43,16 @@ class Corners:
     def passed(self, start: Any, t: float, sizes: tuple[float, float], awaited: Awaited, step: int) -> Passed | None:
         """Take a step from the saved state `start` at time t over the corner that a slider is at now.
 
-        Parameters
-        ----------
-        sizes : float, float
-            Sizes of the step to the corner and of the whole step, s.
-        awaited : Awaited
-            The change of track that is due.
-        step : int
-            Number of the step, for errors.
+        sizes: sizes of the step to the corner and of the whole step, s.
+        awaited: the change of track that is due.
+        step: number of the step, for errors.
+        Raises ConvergenceError: no step leads over the corner.
 
         Returns
         -------
         Passed or None
             With the stepper at the end of the step, on the curve over the corner; None, with the stepper as it was, where the
             slider may stop there: the corner is not sharp, or something else happens in every such step.
-
-        Raises
-        ------
-        ConvergenceError
-            No step leads over the corner.
         """
         here, k, at_end = self.stepper.save(), awaited.slider, awaited.when == END
         slider, state = self.locking.sliders[k], here[0]

@@ -40,21 +40,11 @@ CONDITION = 100
 
 @dataclass
 class Plan:
-    """Steps that are taken next.
+    """Steps that are taken next."""
 
-    Attributes
-    ----------
-    end : float
-        Time up to which they go, s.
-    left : int
-        Whole steps until then; none with step control.
-    last : float
-        Size of a last one that differs, or 0, s.
-    """
-
-    end: float
-    left: int
-    last: float
+    end: float  # time up to which they go, s
+    left: int  # whole steps until then; none with step control
+    last: float  # size of a last one that differs, or 0, s
 
 
 class Encounters:

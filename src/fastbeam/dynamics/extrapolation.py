@@ -17,9 +17,11 @@ from fastbeam.interface.paths import check_new
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, lacking
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.results.result import Result
+from fastbeam.scene.prescribed_motion import axial
 
 Array = np.ndarray
 # two runs that differ by more, of the size of the scene, are no longer in the range in which errors go with h^2
@@ -38,12 +40,7 @@ def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
 
 
 def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any) -> None:
-    """Refuse options that need one state on the way.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse options that need one state on the way. Raises SceneError."""
     given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint)) if x is not None]
     if given:
         raise SceneError(f"{given[0]}: {WHICH}, and has no {given[0]} for the extrapolated run; leave it out, or use order=2")
@@ -57,8 +54,7 @@ def between(coarse: Array, fine: Array) -> Array:
 def triads_between(coarse: Array, fine: Array) -> Array:
     """Extrapolate triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to fine."""
     turn = np.einsum("...ia,...ib->...ab", fine, coarse)
-    axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
-                           turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
+    axis = 0.5 * axial(turn)
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, 0.5 * (np.trace(turn, axis1=-2, axis2=-1)[..., None] - 1.0)) / 3.0
     axis = axis / np.where(sine > 0.0, sine, 1.0)
@@ -68,21 +64,17 @@ def triads_between(coarse: Array, fine: Array) -> Array:
     return np.asarray(c * fine + s * np.cross(n, fine) + (1.0 - c) * np.sum(n * fine, axis=-1, keepdims=True) * n)
 
 
-def _spins(q: Array, v: Array) -> Array:
-    return 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
-
-
 def state_between(model: Model, coarse: State, fine: State, step: float) -> State:
     """Return the extrapolated state, corrected to the nearest one that joints and sliders allow."""
     q, v = np.zeros((model.n_nodes, 4, 3)), np.zeros((model.n_nodes, 4, 3))
     (q1, v1), (q2, v2) = ((x.q.reshape(-1, 4, 3), x.v.reshape(-1, 4, 3)) for x in (coarse, fine))
     q[:, 0], v[:, 0] = between(q1[:, 0], q2[:, 0]), between(v1[:, 0], v2[:, 0])
     q[:, 1:] = triads_between(q1[:, 1:], q2[:, 1:])
-    v[:, 1:] = np.cross(between(_spins(q1, v1), _spins(q2, v2))[:, None], q[:, 1:])
+    v[:, 1:] = np.cross(between(spins(q1, v1), spins(q2, v2))[:, None], q[:, 1:])
     history = between(coarse.history, fine.history)
     # flags of sliders stand beside their energies
     flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
-    own, known = (model.own(x, "slider_forces").reshape(-1, HISTORY) for x in (history, fine.history))
+    own, known = (model.along_of(x) for x in (history, fine.history))
     own[:, flags] = known[:, flags]
     state = State(q.reshape(-1), v.reshape(-1), between(coarse.s, fine.s), fine.force.copy(), history)
     try:
@@ -104,15 +96,8 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     """Return the result of order 4: every row is linear in those of the two runs, so that it conserves what they conserve,
     balance and momenta.
 
-    Parameters
-    ----------
-    coarse, fine : Result
-        Runs with steps `step` and half of it, s.
-
-    Raises
-    ------
-    ConvergenceError
-        One of them ended before t_end.
+    coarse, fine: runs with steps `step` and half of it, s.
+    Raises ConvergenceError: one of them ended before t_end.
     """
     for run in (coarse, fine):
         if run.state is None or run.t[-1] != t_end:
@@ -160,12 +145,8 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, output: O
     """Return the error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and
     says so; it is written to the file that was asked for.
 
-    Parameters
-    ----------
-    runs : list of Result
-        Runs that are complete.
-    step : float
-        Step of the first run, s.
+    runs: runs that are complete.
+    step: step of the first run, s.
     """
     result = getattr(error, "result", None) or (runs[-1] if runs else None)
     if not isinstance(result, Result):

@@ -14,6 +14,7 @@ from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
 from fastbeam.kernels.loop import SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
@@ -30,12 +31,7 @@ def filter_factors(rho_inf: float) -> tuple[float, float, float]:
 
 
 def check_filtered(order: int, model: Model, observe: Any) -> None:
-    """Refuse options that filters do not support.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse options that filters do not support. Raises SceneError."""
     if order != 2:
         raise SceneError("rho_inf: filters limit the order to 2, because the dissipated energy has odd powers of the step; use "
                          "order=2, or leave rho_inf out")
@@ -59,13 +55,8 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], s
 
 
 class FilteringStepper(Stepper):
-    """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run.
-
-    Attributes
-    ----------
-    lost : float64 [2]
-        Energies dissipated since the start and stored in the filters, J.
-    """
+    """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run; lost: float64 [2],
+    energies dissipated since the start and stored in the filters, J."""
 
     def __init__(self, model: Model, weights: Array, state: State | None, max_iterations: int, backend: str, method: Any,
                  t: float, memory: Array | None, augmentation: float, threads: int | None) -> None:
@@ -115,7 +106,7 @@ class FilteringStepper(Stepper):
         kept = [x.copy() for x in (work.dphi, work.theta)]
         if len(core.dofs) == 6:
             q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
-            spin = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+            spin = spins(q, v)
         else:
             q, v = state.q.reshape(-1, 2, 2), state.v.reshape(-1, 2, 2)
             spin = q[:, 1, 0] * v[:, 1, 1] - q[:, 1, 1] * v[:, 1, 0]

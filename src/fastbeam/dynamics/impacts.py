@@ -24,30 +24,15 @@ MOST_IN_A_ROW = 3
 class Impacts:
     """Impacts of a run on rigid stops.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    times : float64 [S + R, 2], optional
-        Times of an earlier run.
-
-    Attributes
-    ----------
-    times : float64 [S + R, 2] or None
-        Times of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that
-        may stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
-    number : int
-        Number of impacts in this run.
-    dulled : float
-        Kinetic energy that the last impact dissipated because it came within a step of the one before, so that it did not
+    model: Model with tables in space.
+    times: float64 [S + R, 2], times of the last impact of every slider, or way between contacts of moving meshes, and every
+        coordinate of a joint that may stick, at the start and the end, s, at first those of an earlier run; NEVER where there
+        was none. None where nothing has rigid stops.
+    number: number of impacts in this run.
+    dulled: kinetic energy that the last impact dissipated because it came within a step of the one before, so that it did not
         bounce, as a share of the largest kinetic energy before an impact; `largest`: twice that, J.
-    in_a_row : int
-        Steps shortened before a stop since the last whole step, or since one that led to a stop.
-
-    Raises
-    ------
-    SceneError
-        There are not as many times as the model needs.
+    in_a_row: steps shortened before a stop since the last whole step, or since one that led to a stop.
+    Raises SceneError: there are not as many times as the model needs.
     """
 
     def __init__(self, model: Model, times: Array | None = None) -> None:

@@ -28,10 +28,7 @@ class Interrupts:
 
     Python delivers signals to the main thread; elsewhere, and where SIGINT is ignored, this does nothing.
 
-    Attributes
-    ----------
-    asked : bool
-        Whether a Ctrl-C waits.
+    asked: whether a Ctrl-C waits.
     """
 
     def __init__(self) -> None:
@@ -57,13 +54,7 @@ class Interrupts:
                 before(signal.SIGINT, sys._getframe())
 
     def serve(self) -> None:
-        """Hand on a Ctrl-C that waits.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            Unless the handler does something else.
-        """
+        """Hand on a Ctrl-C that waits. Raises KeyboardInterrupt unless the handler does something else."""
         if self.asked and self._before is not None:
             self.asked = False
             self._before(signal.SIGINT, sys._getframe())
@@ -100,16 +91,10 @@ class Calls:
     """Calls of a stepper over many steps, short enough for Ctrl-C to be seen between them. Results do not depend on how steps are
     cut into calls.
 
-    Attributes
-    ----------
-    intact : bool
-        After an exception: whether the state is the one before the call.
-    failed : Exception or None
-        Raised by a function of time after some steps of a call; raised again by the next call.
-    burst : int
-        Steps of a call.
-    slow : bool
-        Whether a step takes so long that it may have to be left.
+    intact: after an exception: whether the state is the one before the call.
+    failed: raised by a function of time after some steps of a call; raised again by the next call.
+    burst: steps of a call.
+    slow: whether a step takes so long that it may have to be left.
     """
 
     def __init__(self, stepper: Stepper, interrupts: Interrupts) -> None:

@@ -82,14 +82,7 @@ def between(x0: Array, x1: Array, v0: Array, v1: Array, h: float) -> Array:
 
 class Turning:
     """Parts of a scene with drag by the square of a velocity, which has a kink where this passes 0: the force v |v| has a jump in
-    its second derivative.
-
-    Parameters
-    ----------
-    model : Model
-    step : float
-        Step of the run, s: what turns around from one step to the next has not been resolved.
-    """
+    its second derivative; step: step of the run, s: what turns around from one step to the next has not been resolved."""
 
     def __init__(self, model: Model, step: float) -> None:
         of, self.step, self.slow = model.dragged, step, ROUND_OFF * model.length / step
@@ -180,14 +173,7 @@ def _between_rates(x0: Array, x1: Array, v0: Array, v1: Array, h: float, moving:
 
 
 class Kinks:
-    """Kinks that a run with order 4 passes and that leave it a lower order.
-
-    Parameters
-    ----------
-    model : Model
-    step : float
-        Step of the run, s.
-    """
+    """Kinks that a run with order 4 passes and that leave it a lower order; step: step of the run, s."""
 
     def __init__(self, model: Model, step: float) -> None:
         self.groups: list[Scalars | Turning] = [*_springs(model), *_slider_stops(model), *_joint_stops(model)]

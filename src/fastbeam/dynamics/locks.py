@@ -34,6 +34,7 @@ from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.model import Model
 from fastbeam.model.start import AT_STOP
 from fastbeam.model.workspace import contact_of
+from fastbeam.scene.checks import called
 from fastbeam.scene.locks import END, START, STOP, truth
 from fastbeam.scene.switches import Switch, chosen, place_at, span_of
 
@@ -61,20 +62,10 @@ class Awaited:
     at: float | tuple[str, float] | None = None
     rests: bool = False
 
-    @property
-    def is_watched(self) -> bool:
-        """True where the state of every step has to be looked at."""
-        return self.at is not None or callable(self.when) or self.action == LAND
-
 
 class Locking:
-    """Locks and releases of all sliders of a model; `State.history` keeps those that are done.
-
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    """
+    """Locks and releases of all sliders of a model; `State.history` keeps those that are done; model: Model with tables in
+    space."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -104,7 +95,7 @@ class Locking:
             # supports let go first: a node handed over is not held by both
             out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(engaged == 1.0).tolist() if of.until[k] is not None]
             out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(engaged == 0.0).tolist()]
-        own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+        own = self.model.along_of(state.history)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
                 out += [Awaited(k, LAND, None)] if slider.one_sided is not None else []
@@ -127,7 +118,7 @@ class Locking:
     # --- conditions ---------------------------------------------------------------------------------------------------
     def watch(self, state: State, t: float) -> bool:
         """Remember the values of conditions in a state, before a step; whether steps have to be looked at one by one."""
-        self._watched = [x for x in self.awaited(state) if x.is_watched]
+        self._watched = [x for x in self.awaited(state) if x.at is not None or callable(x.when) or x.action == LAND]
         self._before = self._values(state, t)
         return bool(self._watched or self.sided)
 
@@ -248,11 +239,7 @@ class Locking:
 
     def _support_asked(self, awaited: Awaited, state: State, t: float) -> float:
         name, what = self.model.released.names[awaited.slider], "until" if awaited.action == LET_GO else "since"
-        try:
-            found = awaited.when(t, State(*(x.copy() for x in state)))
-        except Exception as error:
-            text = f"{what} must not fail, but raises {type(error).__name__} at t = {t:.6g} s: {error}"
-            raise SceneError(f"{name}: {text}") from error
+        found = called(name, what, awaited.when, t, State(*(x.copy() for x in state)), where="at t = {:.6g} s")
         value = (1.0 if found else -1.0) if isinstance(found, (bool, np.bool_)) else real(found)
         if value is None or not np.isfinite(value):
             raise SceneError(f"{name}: {what} must return a finite number, or True or False, but returns {shown(found)} at t = "
@@ -263,12 +250,8 @@ class Locking:
     def behind(self, state: State, t: float, slack: float, found: Sequence[Awaited] = ()) -> tuple[State, list[dict[str, Any]]]:
         """Return the state behind all that is due at time t, and events.
 
-        Parameters
-        ----------
-        slack : float
-            Events that are due within this time, s, are due now.
-        found : sequence of Awaited
-            Conditions that hold, located by the caller.
+        slack: events that are due within this time, s, are due now.
+        found: conditions that hold, located by the caller.
         """
         events = []
         due = [*found, *self.lifting]
@@ -354,7 +337,7 @@ class Locking:
         if awaited.action == LOCK:
             gaps = ConstraintGaps(self.model).at(state.q, state.s)
             _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, x.v) * gaps.tangents[k])
-        own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+        own = self.model.along_of(state.history)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:
             own[k, HELD], own[k, LOCK_LOSS] = LOCKED, own[k, LOCK_LOSS] + loss

@@ -8,11 +8,11 @@ import numpy as np
 
 from fastbeam.dynamics.velocity_jumps import blow, jump
 from fastbeam.kernels.contact.nearest_place import Sides, nearest_place_of
-from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
+from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, INCREMENT, SIGN, STICKS, STOP_LOSS
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.state import State
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -37,12 +37,8 @@ class Place:
 class Finder:
     """Search for the places of points beside their beams.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    work : Contact
-        Work arrays.
+    model: Model with tables in space.
+    work: work arrays.
     """
 
     def __init__(self, model: Model, work: Contact) -> None:
@@ -76,14 +72,14 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
     of_point, tangent = gaps.rates[3 * k:3 * k + 3], gaps.tangents[k]
     relative = of_point @ state.v
     stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0
-    lead = np.linalg.svd(tangent[None])[2][1:] if stays else place.normal[None]
+    lead = across_of(tangent) if stays else place.normal[None]
 
     def change(begin: State) -> Array:
         rates = lead @ (of_point @ begin.v)
         return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
 
     _, state, loss = blow(model, state, k, lead, change)
-    own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+    own = model.along_of(state.history)
     own[k, STOP_LOSS] += loss
     if stays:
         own[k, HELD], own[k, STICKS] = FREE, 0.0
@@ -92,7 +88,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
             # the blow of a drive that gives its velocity along the beam; its work counts as the drive's
             speed = model.slider_forces.speed_given(k, t)
             state, work = jump(model, state, k, np.eye(3), speed * tangent - of_point @ state.v)
-            own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+            own = model.along_of(state.history)
             own[k, DRIVE_WORK] -= work
             own[k, SIGN] = np.sign(speed)
     return state, loss, stays

@@ -152,12 +152,7 @@ class Group:
 
 def shape_of_start(analysis: str, model: Model, start: Any) -> tuple[State | None, list[tuple[str, str]]]:
     """Return the state that an equilibrium is sought from, mended where its `Start` says so, and events of it as (kind, text).
-
-    Raises
-    ------
-    SceneError
-        The start has a time or velocities, is a checkpoint, or no state that the scene allows.
-    """
+    Raises SceneError: the start has a time or velocities, is a checkpoint, or no state that the scene allows."""
     if isinstance(start.state, Checkpoint):
         raise SceneError(f"{analysis}, start: must be a State (result.state, model.state()), got a Checkpoint; of a checkpoint: "
                          "checkpoint.state")

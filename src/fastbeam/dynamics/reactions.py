@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import ADDED, ASSEMBLY, Calls, SystemRecord, system_record
 from fastbeam.kernels.contact.slider import Sliding
@@ -25,7 +26,7 @@ from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.damping_and_drag import COEFFICIENTS
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.forces.user_forces import ON_NODES
-from fastbeam.model.joints.constraints import Distance, ConstrainedJoint
+from fastbeam.model.joints.constraints import ConstrainedJoint, Distance
 from fastbeam.model.released_supports import OwnSupports
 from fastbeam.results.observe.resultants import Sections
 from fastbeam.results.observe.section_balance import FreeBodies
@@ -43,12 +44,7 @@ class Reactions:
     Forces of supports act on what they hold, those of joints on side b, those of sections on the part before them. Moments are
     about the node of the support, for joints about that of side a, for sections about these, N and N m.
 
-    Parameters
-    ----------
-    stepper : Stepper
-        Stepper with the conserving step, or in statics; its state is left alone.
-    static : bool
-    sections : sequence of Sections or None
+    stepper: stepper with the conserving step, or in statics; its state is left alone.
     """
 
     def __init__(self, stepper: Stepper, static: bool = False, sections: Sequence[Sections | None] = ()) -> None:
@@ -85,10 +81,9 @@ class Reactions:
         self._shared = np.zeros(of_supports.size, bool) if core.ties is None else np.diff(core.ties.start)[of_supports] > 0
         self._below: LU | None = None
         if hanging.size and len(holding.joints):
-            from scipy.sparse import coo_matrix, identity
             # sum of a node = its own + sums of the nodes that hang on it
-            children = coo_matrix((np.ones(hanging.size), (holding.parent[hanging], hanging)), shape=(n, n))
-            self._below = lu(identity(n) - children, {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0})
+            children = sparse.coo_matrix((np.ones(hanging.size), (holding.parent[hanging], hanging)), shape=(n, n))
+            self._below = lu(sparse.identity(n) - children, {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0})
 
     @property
     def size(self) -> int:
@@ -110,14 +105,9 @@ class Reactions:
     def of_step(self, before: State, middle: Array, second: Array, t: float, h: float) -> Array:
         """Return means over the step that the stepper has just taken, [6 (R + C)].
 
-        Parameters
-        ----------
-        before : State
-            State at the begin of the step, as the tables of the run have it.
-        middle, second : float64 [N, 4, 3]
-            Coordinates in its middle, and their mean second rates.
-        t, h : float
-            Begin and size of the step, s.
+        before: state at the begin of the step, as the tables of the run have it.
+        middle, second: float64 [N, 4, 3], coordinates in its middle, and their mean second rates.
+        t, h: begin and size of the step, s.
         """
         own = self.own
         factors = np.ones(len(own.model.load_times))

@@ -12,6 +12,7 @@ from fastbeam.dynamics.contact_force import ContactForces
 from fastbeam.dynamics.options import Output
 from fastbeam.interface.errors import ResultFileError
 from fastbeam.kernels.state import State
+from fastbeam.model.maps import spins
 from fastbeam.results.observe.observer import Observer
 from fastbeam.results.result import ResultBuffer, ResultHeader
 from fastbeam.stepping.stepper import Stepper
@@ -25,27 +26,11 @@ class Rows:
     """Rows of a run on their way to memory and file. A row waits until the next step is known: the contact force of a row is the
     mean of the steps around it (theory.md (4.5)).
 
-    Parameters
-    ----------
-    observer : Observer
-    stepper : Stepper
-    clock : Clock
-    forces : ContactForces or None
-        None where forces are not recorded, or are those at the end of a step.
-    t_end : float
-    header : ResultHeader
-    output : Output
-        File, and about how many shapes to keep, one a row at most.
-
-    Attributes
-    ----------
-    memory : ResultBuffer
-    writer : ResultWriter or None
-        A file that cannot be written is left behind.
-    file_error : ResultFileError or None
-        Why; a run ends at its next row then.
-    broken_off : bool
-        Whether an error is on its way out, which does not wait for the steps that the force of the last row takes.
+    forces: None where forces are not recorded, or are those at the end of a step.
+    output: file, and about how many shapes to keep, one a row at most.
+    writer: a file that cannot be written is left behind.
+    file_error: why; a run ends at its next row then.
+    broken_off: whether an error is on its way out, which does not wait for the steps that the force of the last row takes.
     """
 
     def __init__(self, observer: Observer, stepper: Stepper, clock: Clock, forces: ContactForces | None, t_end: float,
@@ -94,7 +79,7 @@ class Rows:
         moving: tuple[Array, ...] = ()
         if self.memory.header.velocities:
             v = state.v.reshape(-1, 4, 3)
-            moving = v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+            moving = v[:, 0], spins(q, v)
         self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
         self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 

@@ -60,13 +60,7 @@ class Now:
 
 
 def _asked(one: Any, now: Now, memory: Array) -> float:
-    """Return the value of a controller.
-
-    Raises
-    ------
-    SceneError
-        Its law fails, or returns no finite number.
-    """
+    """Return the value of a controller. Raises SceneError: its law fails, or returns no finite number."""
     try:
         found = one.law(now, memory)
     except Exception as error:
@@ -80,21 +74,12 @@ def _asked(one: Any, now: Now, memory: Array) -> float:
 class Sampling:
     """The controllers of a run.
 
-    Parameters
-    ----------
-    model : Model
-    t, step : float
-        Start of the run and its step, s.
-    controlled : bool
-        Whether steps are chosen by their error.
-
-    Raises
-    ------
-    SceneError
-        Step control, or steps that do not meet the times of a controller.
+    step: step of the run, s.
+    controlled: whether steps are chosen by their error.
+    Raises SceneError: step control, or steps that do not meet the times of a controller.
     """
 
-    def __init__(self, model: Model, t: float, step: float, controlled: bool, state: State) -> None:
+    def __init__(self, model: Model, step: float, controlled: bool, state: State) -> None:
         self.controllers = model.controllers
         if not self.controllers:
             return

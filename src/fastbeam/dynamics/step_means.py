@@ -17,15 +17,9 @@ Array = np.ndarray
 
 class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
     """Mixin for steppers whose outcomes hold means of `points` behind all forces. Of some steps the first and the last are looked
-    at from outside; those between them stay in one call.
+    at from outside; those between them stay in one call."""
 
-    Attributes
-    ----------
-    points : PointSeries
-        Set before the first step.
-    """
-
-    points: PointSeries
+    points: PointSeries  # set before the first step
 
     @property
     def recorded(self) -> int:
@@ -86,13 +80,8 @@ def forces_of(stepper: Stepper, found: Array) -> Array:
 
 
 def measuring(make: type[Stepper], method: Scheme, points: PointSeries) -> Any:
-    """Return the class of steppers of this kind whose outcomes hold means of `points`.
-
-    Raises
-    ------
-    SceneError
-        A method whose rows hold forces of their own time has no such means.
-    """
+    """Return the class of steppers of this kind whose outcomes hold means of `points`. Raises SceneError: a method whose rows
+    hold forces of their own time has no such means."""
     if method.at_end and points.acceleration:
         raise SceneError(f"observe: accelerations are means of the steps around a row, which method {method.name!r} does not "
                          "support; leave 'acceleration' out, or leave method out")

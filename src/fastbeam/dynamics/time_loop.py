@@ -195,13 +195,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
 
 
 def _stepper_class(method: Scheme, order: int, model: Model, observe: Sequence[str]) -> Any:
-    """Choose the class of the stepper of a run, before what its points ask for.
-
-    Raises
-    ------
-    SceneError
-        A method that dissipates does not go with the order, the model or what is observed.
-    """
+    """Choose the class of the stepper of a run, before what its points ask for. Raises SceneError: a method that dissipates does
+    not go with the order, the model or what is observed."""
     if method.filters:
         check_filtered(order, model, observe)
         return FilteringStepper
@@ -247,7 +242,7 @@ class _Run(Encounters):
         self.interrupts = Interrupts()
         self.calls = Calls(stepper, self.interrupts)
         self.impacts = Impacts(model)
-        self.sampling = Sampling(model, clock.now, clock.step, control is not None, stepper.core_state)
+        self.sampling = Sampling(model, clock.step, control is not None, stepper.core_state)
         # whether the clock lags behind the state
         self.between = False
         self.locking = Locking(model)
@@ -374,13 +369,8 @@ class _Run(Encounters):
         self.rows.end(self.info)
 
     def _result(self, error: BaseException | None) -> Result:
-        """Return the result with its checkpoint, or raise what broke the run off, with the result until then.
-
-        Raises
-        ------
-        ConvergenceError, ResultFileError, Interrupted, Exception
-            As `simulate`.
-        """
+        """Return the result with its checkpoint, or raise what broke the run off, with the result until then. Raises
+        ConvergenceError or ResultFileError or Interrupted or Exception: as `simulate`."""
         clock = self.clock
         # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
         present = None if self.between else self.present()
@@ -505,12 +495,8 @@ class _Run(Encounters):
     def _take(self, t: float, h: float, plan: Plan, every: int, since: int) -> _Taken:
         """Take the next steps from time t: one of the size that step control chooses, whole ones, or a last one that differs.
 
-        Parameters
-        ----------
-        h : float
-            Size that step control has proposed, s.
-        every, since : int
-            Steps between rows, and since the last one.
+        h: size that step control has proposed, s.
+        every, since: steps between rows, and since the last one.
         """
         if self.control is not None:
             return self._controlled_step(t, h, plan.end)

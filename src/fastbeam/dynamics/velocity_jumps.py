@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider_forces import (
     AGAINST,
     DRIVE_WORK,
     FREE,
     HELD,
-    HISTORY,
     INCREMENT,
     LOCKED,
     OFF,
@@ -24,7 +24,8 @@ from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.joints.coordinates import VALUE, WORK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import nearest_by
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.connections import components
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.maps import free_unknowns, mass_map, rates_map, velocities_and_spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import active_supports
@@ -55,15 +56,10 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     which counts as theirs. Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, else they
     leave it.
 
-    Parameters
-    ----------
-    k : int or None
-        Number of a slider; -1 - i: coordinate i of joints that may stick; None: a support.
-    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
-    change : float64 [m]
-        m/s, of joints and supports m/s or rad/s.
-    rest : dict, optional
-        Coordinates of joints that come to rest at stops, and on which side.
+    k: number of a slider; -1 - i: coordinate i of joints that may stick; None: a support.
+    lead: float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N].
+    change: float64 [m], m/s, of joints and supports m/s or rad/s.
+    rest: coordinates of joints that come to rest at stops, and on which side.
     """
     equations = Equations(model, state, k, lead, change)
     history = state.history.copy()
@@ -71,7 +67,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     found = _with_stops(equations, history, bounces, rest or {})
     v = state.v + found.by
     if model.slider_forces is not None:
-        own = model.own(history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(history)
         after = equations.along_beams(v)
         moves = ~equations.given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(v)))
         if k is not None and k >= 0:
@@ -108,12 +104,8 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
     At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
     takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
 
-    Parameters
-    ----------
-    k, lead
-        As in `jump`, for a slider.
-    change : callable
-        The change of rates from a state.
+    k, lead: as in `jump`, for a slider.
+    change: the change of rates from a state.
     """
     start = of_momenta(model, state)
     begin, before = start, 0.0
@@ -150,16 +142,9 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     The velocity of k along its beam is -restitution times the one before, see `jump`, or zero where that leads away from the stop
     already. The energy that is lost goes to the history of the slider.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-    state : State
-        State with sliding points on their curves.
-    k : int
-    at_end : bool
-        Whether the stop is the one towards the end of the beam.
-    restitution : float
+    model: Model with tables in space.
+    state: state with sliding points on their curves.
+    at_end: whether the stop is the one towards the end of the beam.
     """
     side, gaps = 1.0 if at_end else -1.0, ConstraintGaps(model).at(state.q, state.s)
 
@@ -169,7 +154,7 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
 
     begin, after, loss = blow(model, state, k, np.eye(3), change)
     rate = gaps.along(k, begin.v)
-    own = model.own(after.history, "slider_forces").reshape(-1, HISTORY)
+    own = model.along_of(after.history)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
     if rate != 0.0:
@@ -183,7 +168,6 @@ def of_momenta(model: Model, state: State) -> State:
     """Return the state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none,
     to second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own:
     jumps begin here and end with `with_momenta`."""
-    from scipy import sparse
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
     to_rates, free = rates_map(model, q), free_unknowns(model, state)
     lift = to_rates[:, free]
@@ -213,15 +197,12 @@ def with_momenta(model: Model, state: State, before: State, after: State) -> Sta
 
 def _alone_on_meshes(model: Model) -> Array:
     """Return nodes of moving meshes to which no others are tied, bool [N]."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
     n, ties = model.n_nodes, model.ties
-    pairs = [np.stack((np.arange(n), model.pattern.first_on_row))]
+    pairs = [np.stack((np.arange(n), model.pattern.first_on_row), axis=1)]
     if ties is not None:
-        pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
-    a, b = np.concatenate(pairs, axis=1)
-    _, piece = connected_components(coo_matrix((np.ones(a.size, np.int8), (a, b)), shape=(n, n)), directed=False)
+        pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target), axis=1))
+    piece = components(n, np.concatenate(pairs))
     mesh = np.zeros(n, bool)
     mesh[model.moving.nodes] = True
     return mesh & (np.bincount(piece, ~mesh)[piece] == 0.0)
@@ -236,38 +217,24 @@ def values_of(model: Model, state: State) -> Array:
 
 
 class Least(NamedTuple):
-    """Jump of least kinetic energy.
+    """Jump of least kinetic energy."""
 
-    Attributes
-    ----------
-    by : float64 [12 N]
-        Changes of the rates of all coordinates.
-    impulses : float64 [m]
-    rows : sparse [m, 12 N]
-        Directions in which the impulses act.
-    """
-
-    by: Array
-    impulses: Array
-    rows: Any
+    by: Array  # float64 [12 N]: changes of the rates of all coordinates
+    impulses: Array  # float64 [m]
+    rows: Any  # sparse [m, 12 N]: directions in which the impulses act
 
 
 class Equations:
     """Conditions of connections, supports, sliders and joints on a jump of the velocities; arguments as of `jump`, without `lead`
     those of `settled`.
 
-    Attributes
-    ----------
-    given : bool [S]
-        Sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
-    coordinates : sparse [R, 12 N]
-        Rates of the coordinates of joints that may stick by those of all coordinates.
+    given: bool [S], sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
+    coordinates: sparse [R, 12 N], rates of the coordinates of joints that may stick by those of all coordinates.
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
-        from scipy import sparse
         self.model, self.state = model, state
-        own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(state.history)
         rows = ConstraintGaps(model)
         self._gaps = gaps = rows.at(state.q, state.s)
         self.coordinates = gaps.rates[rows.coordinates]
@@ -283,7 +250,7 @@ class Equations:
         for j, tangent in enumerate(gaps.tangents):
             if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):
                 continue
-            across = np.linalg.svd(tangent[None])[2][1:]
+            across = across_of(tangent)
             leads = lead if j == k and not settles else np.eye(3) if self.given[j] and j != k else across
             if driven[j] and j != k and own[j, HELD] == FREE and own[j, AGAINST] == 0.0:
                 self._drives[j] = sum(x.size for x in right)
@@ -324,7 +291,6 @@ class Equations:
 
     def least(self, more: Any, goals: Array) -> Least:
         """Find the jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
-        from scipy import sparse
         every = sparse.vstack([*self._rows, more], format="csr")
         x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
                                  np.zeros(self._free.size), self._free % 6 >= 3)
@@ -339,7 +305,7 @@ class Equations:
     def _add_works(self, found: Least, history: Array) -> float:
         """Work of drives and motors that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
         model, state, impulses = self.model, self.state, found.impulses
-        own = model.own(history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(history)
         total = 0.0
         for j, at in self._drives.items():
             work = float(impulses[at:at + 3] @ self._gaps.tangents[j]) * self._gaps.along(j, state.v)

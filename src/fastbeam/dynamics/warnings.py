@@ -30,16 +30,9 @@ MOST_NAMED, MOST_BLOWS = 100, 5
 class Watch:
     """Checks of a run now and then.
 
-    Parameters
-    ----------
-    model : Model
-    stepper : Stepper
-    event : callable
-        Takes an event {'kind', 'time', 'text', ...}.
-    t_start, t_end : float
-        Begin and end of the run, s.
-    kinks : Kinks, optional
-        Kinks of a run with order 4.
+    event: takes an event {'kind', 'time', 'text', ...}.
+    t_start, t_end: begin and end of the run, s.
+    kinks: kinks of a run with order 4.
     """
 
     def __init__(self, model: Model, stepper: Stepper, event: Callable[[dict[str, Any]], None], t_start: float,

@@ -258,10 +258,8 @@ class Backward:
         return out
 
     def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
-        """Take one step backward around a solver outside.
-
-        Raises ArithmeticError: its tangent is singular; the argument is the number of the step.
-        """
+        """Take one step backward around a solver outside. Raises ArithmeticError: its tangent is singular; the argument is the
+        number of the step."""
         def half(is_solved: bool) -> None:
             kernels.half_step_back(terms, self.system, self.sections, self.adjoint, steps, self.wanted, found, self.h, k, first,
                                    is_solved)

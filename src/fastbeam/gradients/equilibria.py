@@ -20,6 +20,7 @@ from fastbeam.linalg.linear_system import check_backend
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import factor_at, load_factors_at
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
@@ -277,9 +278,8 @@ class Sensitivity(Doubts):
         own = base.stepper.model
         factor = float(base.stepper.law_work[1]) * (1.0 if own.gravity_time is None else factor_at(
             own.gravity_time, float(base.stepper.law_work[0])))
-        spins = 0.5 * np.cross(q[:, 1:], rates[:, 1:]).sum(axis=1)
         sections = section_gradients(own, q, rates, strain_energy, factor * own.gravity)
-        return Gradient(by, sections, rates[:, 0], spins)
+        return Gradient(by, sections, rates[:, 0], spins(q, rates))
 
     # --- vibration -----------------------------------------------------------------------------------------------------------
     @checked(n=Count(most=10_000), planar=Flag())
@@ -325,11 +325,8 @@ class Sensitivity(Doubts):
 def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,
               held: bool | str | Sequence[str], backend: str) -> tuple[Family, Array]:
     """Return the scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was
-    called.
-
-    Raises SceneError: a value is no number, there is no such backend, or the scene has something whose derivatives by parameters
-        are not known.
-    """
+    called. Raises SceneError: a value is no number, there is no such backend, or the scene has something whose derivatives by
+    parameters are not known."""
     given = numbers_of(who, values, scale)
     check_backend(backend)
     family = Family(build, *given)

@@ -70,10 +70,8 @@ class Family:
         self._around: dict[tuple[str, bool], list[Built]] = {}
 
     def called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
-        """Call build with changed values; return the scene and its points.
-
-        Raises SceneError: it failed, or returned something else.
-        """
+        """Call build with changed values; return the scene and its points. Raises SceneError: it failed, or returned something
+        else."""
         try:
             out = self._build(**{**self.values, **changed})
         except SceneError:
@@ -94,10 +92,7 @@ class Family:
 
     def around(self, name: str, flat: bool) -> list[Built]:
         """Return six scenes in which parameter `name` is less and more, by `CHANGES` of its step, with tables in which nothing is
-        eliminated.
-
-        Raises SceneError: they have other parts, nodes or supports than the scene at the values.
-        """
+        eliminated. Raises SceneError: they have other parts, nodes or supports than the scene at the values."""
         key = name, flat
         if key not in self._around:
             self._around[key] = [self._built({name: self.values[name] + k * self.steps[name]}, flat) for k in CHANGES]
@@ -132,10 +127,7 @@ class Family:
 
     def check_smooth(self, name: str, six: Any, weights: Array, noise: float) -> None:
         """Refuse a parameter where differences of order 4 and 6 of values in the six scenes disagree by more than noise; weights:
-        of rows.
-
-        Raises SceneError.
-        """
+        of rows. Raises SceneError."""
         six = np.asarray(six, dtype=float)
         fine, coarse = (weights * np.tensordot(w, six, 1) for w in (SIXTH, FOURTH))
         if not np.linalg.norm(fine - coarse) <= SMOOTH * np.linalg.norm(fine) + noise:

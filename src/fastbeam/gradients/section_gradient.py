@@ -1,7 +1,7 @@
 """Gradients by the sections of all beams at once, from one adjoint shape (theory.md (13.6))."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,11 @@ Array = np.ndarray
 TINY = 1e-40
 
 
+def _entry(k: int) -> Any:
+    """Make a property: derivatives by an entry of the diagonal of C, [beams]."""
+    return property(lambda found: found.stiffness[:, k, k])
+
+
 class SectionGradient(NamedTuple):
     """Derivatives by the section of every beam of a part, [beams] each: of a beam one, of a net one of each beam. The strains of
     the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
@@ -27,6 +32,8 @@ class SectionGradient(NamedTuple):
     ----------
     stiffness : float64 [beams, 6, 6]
         Derivatives by C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
+    EA, GA2, GA3, GJ, EI2, EI3 : float64 [beams]
+        Derivatives by the entries of its diagonal, per N and N m^2.
     rhoA : float64 [beams]
         Derivatives by the mass per length, through gravity.
     prestrain : float64 [beams, 6]
@@ -38,35 +45,7 @@ class SectionGradient(NamedTuple):
     rhoA: Array  # noqa: N815  the field's symbols
     prestrain: Array
 
-    @property
-    def EA(self) -> Array:  # noqa: N802
-        """Derivatives by EA, per N."""
-        return self.stiffness[:, 0, 0]
-
-    @property
-    def GA2(self) -> Array:  # noqa: N802
-        """Derivatives by GA2, per N."""
-        return self.stiffness[:, 1, 1]
-
-    @property
-    def GA3(self) -> Array:  # noqa: N802
-        """Derivatives by GA3, per N."""
-        return self.stiffness[:, 2, 2]
-
-    @property
-    def GJ(self) -> Array:  # noqa: N802
-        """Derivatives by GJ, per N m^2."""
-        return self.stiffness[:, 3, 3]
-
-    @property
-    def EI2(self) -> Array:  # noqa: N802
-        """Derivatives by EI2, per N m^2."""
-        return self.stiffness[:, 4, 4]
-
-    @property
-    def EI3(self) -> Array:  # noqa: N802
-        """Derivatives by EI3, per N m^2."""
-        return self.stiffness[:, 5, 5]
+    EA, GA2, GA3, GJ, EI2, EI3 = (_entry(k) for k in range(6))
 
     def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
         """Return derivatives by a parameter of the sections, [beams].

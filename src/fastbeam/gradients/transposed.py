@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.adjoint import adjoint as kernels
 from fastbeam.kernels.empty_arrays import aligned_empty
 from fastbeam.linalg.factors import OF_STEP, Factoriser, Factors, factoriser_for
@@ -32,7 +33,6 @@ class TransposedSolver:
     def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
         """Border a matrix with columns and lines of constraints, by columns, and add the part of the terms that turns with
         sleeves."""
-        from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
         n, size = len(core.dofs), core.border
@@ -58,7 +58,6 @@ class TransposedSolver:
 
     def _turning(self, free: Array, terms: Any, system: Any) -> Any:
         """Return E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
-        from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
         n, d = core.pattern.n, core.dim
@@ -75,7 +74,6 @@ class TransposedSolver:
     def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
         """Return x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the
         step."""
-        from scipy import sparse
         if self.structure is None:
             self._begin()
         n = len(self.stepper.core.dofs) * self.stepper.core.pattern.n

@@ -352,11 +352,8 @@ class Names:
 
 # --- the decorator ----------------------------------------------------------------------------------------------------------
 def checked(**kinds: Callable[[Any], Any]) -> Callable[[T], T]:
-    """Check the arguments of a function, method, or constructor of a class by their names, before it runs.
-
-    Raises SceneError: the call raises it: an argument is not of its kind, is missing, is unknown, or came without a name where it
-        needs one.
-    """
+    """Check the arguments of a function, method, or constructor of a class by their names, before it runs. Raises SceneError: the
+    call raises it: an argument is not of its kind, is missing, is unknown, or came without a name where it needs one."""
     def decorate(target: Any) -> Any:
         if isinstance(target, type):
             target.__init__ = _checked(target.__init__, kinds)  # type: ignore[misc]
@@ -459,10 +456,8 @@ def take(kind: Callable[[Any], Any], subject: str, value: Any) -> Any:
 
 
 def number(name: str, value: Any) -> float:
-    """Return a finite number as a float.
-
-    Raises SceneError: texts, truth values, complex numbers, NaN, infinities, anything that is not one number.
-    """
+    """Return a finite number as a float. Raises SceneError: texts, truth values, complex numbers, NaN, infinities, anything that
+    is not one number."""
     return take(Number(), f"{name}:", value)
 
 

@@ -31,10 +31,8 @@ MODULES = ("adjoint", "critical_slopes", "errors", "mode_shapes", "responses", "
 
 
 def gone(since: str) -> str:
-    """Return the minor version that no longer knows an old name that `since` replaced: gone("0.2") is "0.4".
-
-    Raises ValueError: `since` is no version as "0.2".
-    """
+    """Return the minor version that no longer knows an old name that `since` replaced: gone("0.2") is "0.4". Raises ValueError:
+    `since` is no version as "0.2"."""
     parts = since.split(".")
     if len(parts) != 2 or not all(part.isdecimal() for part in parts):
         raise ValueError(f"since: a minor version as \"0.2\" is needed, got {since!r}")
@@ -120,12 +118,8 @@ Grouped = Mapping[str, tuple[str, type, str]]
 def regroup(subject: str, since: str, old: Grouped, given: dict[str, Any], level: int = 2) -> dict[str, Any]:
     """Return arguments of a call with the old ones put into the groups that took their place, with a FutureWarning.
 
-    Raises
-    ------
-    TypeError
-        An old argument is given beside its group.
-    SceneError
-        A group refuses its arguments.
+    Raises TypeError: an old argument is given beside its group.
+    Raises SceneError: a group refuses its arguments.
     """
     out = {name: value for name, value in given.items() if name not in old}
     groups: dict[str, tuple[type, dict[str, Any]]] = {}

@@ -44,6 +44,21 @@ def public_names(package: str) -> tuple[list[str], Callable[[str], Any], Callabl
     return names, get, lambda: names
 
 
+class Later:
+    """Module that is imported when an attribute of it is first used."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(import_module(self._name), name)
+        setattr(self, name, value)
+        return value
+
+
+sparse: Any = Later("scipy.sparse")
+
+
 @contextmanager
 def held() -> Iterator[None]:
     """Hold Python's garbage collector while modules load.

@@ -40,9 +40,6 @@ def check_new(noun: str, path: Path, named: Path, overwrite: bool) -> bool:
 
 def claim(handle: int, first: int, size: int) -> None:
     """Make the file system set this range of a file aside, where it can. HDF5 must not meet the end of the disk: a file that it
-    cannot close makes the process crash when it ends.
-
-    Raises OSError: there is no room.
-    """
+    cannot close makes the process crash when it ends. Raises OSError: there is no room."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(handle, first, size)

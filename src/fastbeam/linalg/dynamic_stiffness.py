@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, regularised, grown, scales, stiffest
+from fastbeam.interface.lazy_import import sparse
+from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, grown, regularised, scales, stiffest
 from fastbeam.linalg.factors import factoriser_for
 
 Array = np.ndarray
@@ -21,7 +22,6 @@ PUSHED = 1e-9
 def with_still(pencil: Pencil, forces: Array) -> Pencil:
     """Return the pencil with a stiffness against those zero-energy motions, `Pencil.still`, that these forces [k] do not push:
     all other motions are orthogonal to them in the masses and do not see it."""
-    from scipy import sparse
     still = pencil.still
     if not still.shape[1]:
         return pencil
@@ -37,21 +37,15 @@ def with_still(pencil: Pencil, forces: Array) -> Pencil:
 class DynamicStiffness:
     """Matrix K + r C + r^2 M with the constraints of a pencil, factored at one rate r after the other.
 
-    Parameters
-    ----------
-    pencil : Pencil
-    damping : sparse [k, k]
-        C.
-    loss : sparse [k, k], optional
-        Stiffness that has an imaginary part: i times this is added.
-    ratios : (float64 [k, m], float64 [m], float64 [m]), optional
-        M times m modes of unit mass, their angular frequencies and the damping ratios they get besides.
-    backend : {'auto', 'pardiso', 'superlu'}
+    damping: sparse [k, k], C.
+    loss: sparse [k, k], stiffness that has an imaginary part: i times this is added.
+    ratios: (float64 [k, m], float64 [m], float64 [m]), M times m modes of unit mass, their angular frequencies and the damping
+        ratios they get besides.
+    backend: {'auto', 'pardiso', 'superlu'}.
     """
 
     def __init__(self, pencil: Pencil, damping: Any, loss: Any = None, ratios: tuple[Array, Array, Array] | None = None,
                  backend: str = "auto") -> None:
-        from scipy import sparse
         self.pencil = pencil
         n = pencil.multiplier.size
         self._modes = 0 if ratios is None else ratios[1].size
@@ -98,7 +92,6 @@ class DynamicStiffness:
     def matrix(self, rate: complex) -> Any:
         """Return the matrix at a rate, sparse complex [n + m, n + m]; behind the others a row for every mode with a damping
         ratio."""
-        from scipy import sparse
         data = self._data[0] + complex(rate) * self._data[1] + rate * rate * self._data[2]
         if self._has_loss:
             data = data + 1j * self._data[3]
@@ -112,16 +105,8 @@ class DynamicStiffness:
     def factored(self, rate: complex, round_off: float = LIMITS.round_off) -> Solver:
         """Return the factors at a rate, ready to solve.
 
-        Parameters
-        ----------
-        round_off : float
-            Accepted ratio of residuals to the largest of their terms: more for inverse iteration, next to
-            an eigenvalue.
-
-        Raises
-        ------
-        SingularError
-            The matrix is singular.
+        round_off: accepted ratio of residuals to the largest of their terms: more for inverse iteration, next to an eigenvalue.
+        Raises SingularError: the matrix is singular.
         """
         return Solver(self, self.matrix(rate), round_off)
 

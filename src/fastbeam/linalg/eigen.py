@@ -73,13 +73,7 @@ class SingularError(ArithmeticError):
 
 class Shifted:
     """Factors of K - shift M, scaled to a diagonal or entries of 1; by PARDISO, or SuperLU. `order`: that of factors of the same
-    pencil at another shift, which saves more than half of the time.
-
-    Raises
-    ------
-    SingularError
-        When it is made, or solves.
-    """
+    pencil at another shift, which saves more than half of the time. Raises SingularError: when it is made, or solves."""
 
     def __init__(self, pencil: Pencil, shift: float, backend: str, order: Array | None = None) -> None:
         self.shift, self.pencil = shift, pencil
@@ -117,10 +111,7 @@ def regularised(matrix: Any, by: Factoriser | None, limits: Limits, scales: tupl
     Solutions are tried for the first half of what is drawn [2 m, n], in scaled rows; in those of constraints and idle coordinates
     for products of the matrix with the second half, so that they can be met. most: share of these that GIVE may take up.
 
-    Raises
-    ------
-    SingularError
-        No solver finds solutions that are accepted.
+    Raises SingularError: no solver finds solutions that are accepted.
     """
     for share in (0.0, IDLE):
         if share and not idle.any():
@@ -134,13 +125,8 @@ def regularised(matrix: Any, by: Factoriser | None, limits: Limits, scales: tupl
 
 
 def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
-    """Find the n lowest eigenvalues, fewer if there are no more.
-
-    Raises
-    ------
-    SingularError
-        K - shift M is singular for every shift, or Krylov vectors do not converge.
-    """
+    """Find the n lowest eigenvalues, fewer if there are no more. Raises SingularError: K - shift M is singular for every shift,
+    or Krylov vectors do not converge."""
     shift, order = -LEAST_SHIFT * stiffest(pencil), None
     for moves in range(MOVES + 1):
         factors = Shifted(pencil, shift, backend, order)
@@ -154,13 +140,8 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
 
 
 class _Inverse:
-    """Inverse of K - shift M, as an operator on the unknowns that have mass.
-
-    Attributes
-    ----------
-    mass : sparse [k, k]
-        That of the pencil, times 1 or 2.
-    """
+    """Inverse of K - shift M, as an operator on the unknowns that have mass; mass: sparse [k, k], that of the pencil, times 1 or
+    2."""
 
     def __init__(self, factors: Shifted) -> None:
         self.factors = factors

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
@@ -55,15 +56,8 @@ OF_STEP = Limits(1e-13, 1e-8, 1e-2, 1e-12, 2, 2)
 
 
 class PardisoMemory:
-    """Memory of PARDISO for one structure and its values, freed with this object.
-
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    tables : PardisoTables
-    threads : int
-        Threads of all calls: PARDISO crashes with fewer than it was analysed on.
-    """
+    """Memory of PARDISO for one structure and its values, freed with this object; threads: threads of all calls: PARDISO crashes
+    with fewer than it was analysed on."""
 
     def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
         self.tables, self.threads = tables, OnThreads(mkl, threads)
@@ -87,24 +81,14 @@ class Factoriser:
     """PARDISO for one matrix after another. A structure is analysed once; with it goes the permutation that brings large entries
     to the diagonal, for the values that it is analysed with.
 
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    symmetric : bool
-        Take the entries on and above the diagonal only, all of the diagonal among them.
-    matching : bool
-        Bring large entries to the diagonal.
-    threads : int, optional
-        Default: as many as suit the size of the matrix.
-    order : int32 [n], optional
-        Of elimination, `order` of a factoriser of matrices of the same structure; not with matching. Default: by METIS.
-
-    Attributes
-    ----------
-    count, analyses, refused : int
-        Factorisations and analyses until now, and equations that SuperLU solved instead.
-    scales : ((float64 [n], float64 [n]), float64 [entries]) or None
-        Factors of rows and columns of an earlier matrix of this structure, and of its entries.
+    symmetric: take the entries on and above the diagonal only, all of the diagonal among them.
+    matching: bring large entries to the diagonal.
+    threads: default: as many as suit the size of the matrix.
+    order: int32 [n], of elimination, `order` of a factoriser of matrices of the same structure; not with matching. Default: by
+        METIS.
+    count, analyses, refused: factorisations and analyses until now, and equations that SuperLU solved instead.
+    scales: ((float64 [n], float64 [n]), float64 [entries]), factors of rows and columns of an earlier matrix of this structure,
+        and of its entries.
     """
 
     name = "PARDISO"
@@ -190,15 +174,17 @@ class Factoriser:
 
 
 def factoriser_for(backend: str, **options: Any) -> Factoriser | None:
-    """Make a factoriser with these options; None where SuperLU is wanted, or all there is.
-
-    Raises
-    ------
-    BackendError
-        backend='pardiso' without MKL.
-    """
+    """Make a factoriser with these options; None where SuperLU is wanted, or all there is. Raises BackendError: backend='pardiso'
+    without MKL."""
     mkl = mkl_for(backend)
     return None if mkl is None else Factoriser(mkl, **options)
+
+
+def solver_name(factoriser: Factoriser | None, unknowns: str) -> str:
+    """Return the name of the solver on these unknowns and its number of factorisations, for a result."""
+    if factoriser is None or not factoriser.count:
+        return f"SuperLU on {unknowns}"
+    return f"PARDISO on {unknowns}, {factoriser.count} factorisations, {factoriser.refused} left to SuperLU"
 
 
 class LU:
@@ -231,20 +217,15 @@ class LU:
 def lu(matrix: Any, options: dict[str, Any] | None = None, least: float = 0.0) -> LU | None:
     """Factor a sparse matrix by SuperLU; None where it is singular, or a pivot is smaller than this share of the largest.
 
-    Parameters
-    ----------
-    matrix : sparse matrix [n, n]
-    options : dict, optional
-        Of SciPy's `splu`. Default: partial pivoting.
+    matrix: sparse matrix [n, n].
+    options: of SciPy's `splu`. Default: partial pivoting.
     """
-    from scipy.sparse.csgraph import structural_rank
-    from scipy.sparse.linalg import splu
     matrix = matrix.tocsc()
     # SuperLU writes beyond its arrays where a matrix is singular whatever its entries are (SciPy 1.17)
-    if not np.all(matrix.diagonal()) and structural_rank(matrix) < matrix.shape[0]:
+    if not np.all(matrix.diagonal()) and sparse.csgraph.structural_rank(matrix) < matrix.shape[0]:
         return None
     try:
-        found = LU(splu(matrix, **(options or {})))
+        found = LU(sparse.linalg.splu(matrix, **(options or {})))
     except RuntimeError:
         return None
     if least:
@@ -256,30 +237,16 @@ def lu(matrix: Any, options: dict[str, Any] | None = None, least: float = 0.0) -
 class Factors:
     """One matrix, factored when it is first solved, by the first solver whose solutions are accepted.
 
-    Parameters
-    ----------
-    matrix : sparse by rows [n, n]
-        Real or complex.
-    factoriser : Factoriser, optional
-        Used before SuperLU.
-    limits : Limits
-    scales : (float64 [n], float64 [n]), optional
-        Factors of rows and columns; the same for both where the factoriser is a symmetric one. Default: those that bring them to
-        a size of 1.
-    give : float64 [n], optional
-        Added to the diagonal of the scaled matrix that is factored, and taken out again by the refinement; the matrix has all of
-        its diagonal then.
-    exchange : float
-        Share of the largest entry of a column from which on SuperLU takes the one on the diagonal, when first asked.
-
-    Attributes
-    ----------
-    residual : float
-        Residual of the last solution, relative to the right-hand side, in scaled rows.
-    factorisations : int
-        Number until now.
-    by : Factoriser or LU, or None
-        Solver whose solutions were accepted.
+    matrix: sparse by rows [n, n], real or complex.
+    factoriser: used before SuperLU.
+    scales: (float64 [n], float64 [n]), factors of rows and columns; the same for both where the factoriser is a symmetric one.
+        Default: those that bring them to a size of 1.
+    give: float64 [n], added to the diagonal of the scaled matrix that is factored, and taken out again by the refinement; the
+        matrix has all of its diagonal then.
+    exchange: share of the largest entry of a column from which on SuperLU takes the one on the diagonal, when first asked.
+    residual: residual of the last solution, relative to the right-hand side, in scaled rows.
+    factorisations: number until now.
+    by: solver whose solutions were accepted.
     """
 
     def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
@@ -27,12 +28,10 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
     """Return nodes of two halves of a symmetric structure that no block couples, and those between them; None if these are many.
 
     Levels of the breadth-first search behind the Cuthill-McKee order are narrow, whatever the geometry of the net."""
-    from scipy import sparse
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
     n = indptr.size - 1
     graph = sparse.csr_matrix((np.ones(indices.size, np.int8), indices, indptr), shape=(n, n))
     place = np.empty(n, np.int64)
-    place[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
+    place[sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     rows = np.repeat(np.arange(n), np.diff(indptr))
     across = (place[rows] < n // 2) & (place[indices] >= n // 2)
     # the first half keeps its nodes, the other loses its neighbours of the first; at least one, if the net is not connected
@@ -52,19 +51,10 @@ def unknowns(nodes: Array, size: int) -> Array:
 class Half:
     """One half, then the nodes between: blocks among these come with half their values, so that both Schur complements add up.
 
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    nodes, between : int64 [n], [m]
-    indptr, indices : int [N + 1], [blocks]
-        Structure of the whole matrix, by blocks.
-    columns, size : int
-        Right-hand sides; unknowns of a block.
-
-    Raises
-    ------
-    ArithmeticError
-        The analysis fails.
+    nodes, between: int64 [n], [m].
+    indptr, indices: int [N + 1], [blocks], structure of the whole matrix, by blocks.
+    columns, size: right-hand sides; unknowns of a block.
+    Raises ArithmeticError: the analysis fails.
     """
 
     def __init__(self, mkl: Any, nodes: Array, between: Array, indptr: Array, indices: Array, columns: int, size: int) -> None:
@@ -117,19 +107,9 @@ class Half:
 class Halves:
     """Matrix structure cut in two, analysed once.
 
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    parts : two halves and what is between, see `cut`
-    tables : PardisoTables
-        Of the whole matrix; its handle is not used.
-    size : int
-        Unknowns of a block.
-
-    Raises
-    ------
-    ArithmeticError
-        An analysis fails.
+    tables: of the whole matrix; its handle is not used.
+    size: unknowns of a block.
+    Raises ArithmeticError: an analysis fails.
     """
 
     def __init__(self, mkl: Any, parts: tuple[Array, Array, Array], tables: PardisoTables, size: int) -> None:

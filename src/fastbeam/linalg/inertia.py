@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.linalg import band
 from fastbeam.linalg.factors import LU, SYMMETRIC_MODE, lu
 
@@ -51,14 +52,9 @@ class Nodes(NamedTuple):
 class Blocks:
     """Matrix of square blocks.
 
-    Parameters
-    ----------
-    n : int
-        Rows.
-    rows, columns : array [m] of int
-        Rows and columns of blocks; no block twice.
-    blocks : array [m, size, 8]
-    size : int
+    n: rows.
+    rows, columns: array [m] of int, rows and columns of blocks; no block twice.
+    blocks: array [m, size, 8].
     """
 
     def __init__(self, n: int, rows: Array, columns: Array, blocks: Array, size: int) -> None:
@@ -76,7 +72,6 @@ class Blocks:
     @cached_property
     def by_rows(self) -> Any:
         """Matrix in scipy's format csr."""
-        from scipy import sparse
         data = np.ascontiguousarray(self._blocks[:, :, :self._size])
         indptr = np.searchsorted(self._rows, np.arange(self.n // self._size + 1))
         return sparse.bsr_matrix((data, self._columns, indptr), shape=(self.n, self.n)).tocsr()
@@ -88,13 +83,7 @@ class Blocks:
 
 
 class Entries:
-    """Matrix by rows.
-
-    Parameters
-    ----------
-    matrix : sparse matrix or array [n, n]
-        In scipy's format csr.
-    """
+    """Matrix by rows; matrix: sparse matrix or array [n, n], in scipy's format csr."""
 
     def __init__(self, matrix: Any) -> None:
         self.by_rows, self.n = matrix, matrix.shape[0]
@@ -119,12 +108,8 @@ class Entries:
 class Terms:
     """Symmetric matrix as a sum of entries, of which several may stand at one place.
 
-    Parameters
-    ----------
-    n : int
-        Rows.
-    row, column, value : array [m]
-        Of the entries on both sides of the diagonal.
+    n: rows.
+    row, column, value: array [m], of the entries on both sides of the diagonal.
     """
 
     def __init__(self, n: int, row: Array, column: Array, value: Array) -> None:
@@ -139,20 +124,14 @@ class Terms:
     @property
     def matrix(self) -> Any:
         """Sparse matrix by columns."""
-        from scipy import sparse
         return sparse.csc_matrix((self._value, (self._row, self._column)), shape=(self.n, self.n))
 
 
 class Signs:
     """Signs of the eigenvalues of a matrix.
 
-    Parameters
-    ----------
-    of : Blocks, Entries or Terms
-        Of terms only `clear` is known.
-    nodes : Nodes, optional
-    free : function of what gives the matrix by rows -> int array, optional
-        One unknown of every free motion that is known, to be held.
+    of: of terms only `clear` is known.
+    free: function of what gives the matrix by rows -> int array, one unknown of every free motion that is known, to be held.
     """
 
     def __init__(self, of: Any, nodes: Nodes | None = None, free: Callable[[Callable[[], Any]], Array] | None = None) -> None:
@@ -237,7 +216,6 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
     Pivots of the matrix scaled to a diagonal of 1 and shifted by s and by -s count eigenvalues below -s and s, beyond doubt where
     s is far above round-off. Eigenvalues in between are computed: vectors by inverse iteration, values from differences of
     positions (`Form`), and a value is zero if it is round-off of the terms of its sum."""
-    from scipy import sparse
     count = negative_pivots(matrix)
     if count is not None:
         return count, 0
@@ -266,7 +244,6 @@ def held(matrix: Any, unknowns: Array) -> Any:
     """Return a matrix by rows with its largest diagonal entry added to the diagonal of some unknowns.
 
     With z, K z = 0, z_i not 0, the matrix K + k e_i e_i^T has one zero eigenvalue less than K, and as many negative ones."""
-    from scipy import sparse
     more = np.zeros(matrix.shape[0])
     more[unknowns] = float(np.max(np.abs(matrix.diagonal()), initial=0.0)) or 1.0
     return (matrix + sparse.diags(more)).tocsr()
@@ -280,11 +257,8 @@ class Form:
     node of the row. Without that, round-off of a stiffness EA/h stands beside the energy of bending, and hides it in fine meshes
     of slender beams.
 
-    Parameters
-    ----------
-    matrix : sparse by rows [n, n]
-    nodes : Nodes, optional
-        Default: plain products.
+    matrix: sparse by rows [n, n].
+    nodes: default: plain products.
     """
 
     def __init__(self, matrix: Any, nodes: Nodes | None) -> None:
@@ -409,7 +383,6 @@ def _pivots(matrix: Any) -> Array | None:
 
 def _below(matrix: Any, shift: float) -> int:
     """Count the eigenvalues of a symmetric matrix below a shift; -1 if the count is not found."""
-    from scipy import sparse
     pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
     return -1 if pivots is None else int(np.sum(pivots < 0.0))
 
@@ -417,7 +390,6 @@ def _below(matrix: Any, shift: float) -> int:
 def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
     """Return orthonormal vectors [n, m] among which are those of the `count` eigenvalues nearest to zero of a symmetric matrix
     with a diagonal of 1, which lie within this width."""
-    from scipy import sparse
     n = matrix.shape[0]
     # shift a little off zero, where the matrix is not singular
     factors = _factored((matrix + SHIFT * width * sparse.identity(n, format="csc")).tocsc())

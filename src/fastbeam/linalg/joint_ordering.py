@@ -36,17 +36,10 @@ class Joint(NamedTuple):
 def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_rows: bool) -> Array | None:
     """Return the place of every row in the elimination; None if the order that the kernels find is cheaper.
 
-    Parameters
-    ----------
-    n : int
-        Rows of nodes; those of constraints follow.
-    coupled : int [m, 2]
-        Rows of nodes that are coupled without joints.
-    joints : list of Joint
-    grounded : bool [n]
-        Rows of nodes with a support.
-    by_rows : bool
-        Whether kernels would eliminate nodes in the order of their rows.
+    n: rows of nodes; those of constraints follow.
+    coupled: int [m, 2], rows of nodes that are coupled without joints.
+    grounded: bool [n], rows of nodes with a support.
+    by_rows: whether kernels would eliminate nodes in the order of their rows.
 
     Returns
     -------

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.factors import Limits, lu, refined
 
 Array = np.ndarray
@@ -40,7 +41,6 @@ def middles(places: Array, part: Array) -> tuple[Array, Array]:
 def rigid_motions(places: Array, part: Array) -> Any:
     """Return the map from velocities at their middles and spins of parts to (v, spin) of all nodes, sparse [6 N, 6 P]; places [N,
     3], and for every node the number of its part [N]."""
-    from scipy import sparse
     n = len(part)
     middle, number = middles(places, part)
     block = np.zeros((n, 6, 6))
@@ -64,7 +64,6 @@ def rigid_change(mass: Any, matrix: Any, right: Array, given: Array, rigid: Any)
     """Return velocities and spins [6 N] by which rigid motions of the parts bring `given` as near as they can to matrix x =
     right, as of `rigid_share`. They are zero in groups of unknowns that would lose almost all kinetic energy: a load on a rope
     whose other end is clamped goes on, and the rope bends."""
-    from scipy import sparse
     change = rigid @ rigid_share(mass, matrix, right - matrix @ given, rigid)
     # all directions of a node belong to one group, however the scene lies in space
     _, piece = pieces(mass + sparse.kron(sparse.eye(given.size // 6), np.ones((6, 6))), matrix)
@@ -76,8 +75,7 @@ def rigid_change(mass: Any, matrix: Any, right: Array, given: Array, rigid: Any)
 
 def pieces(mass: Any, matrix: Any) -> tuple[int, Array]:
     """Count the groups of unknowns that masses and constraints join; return the number and the group of every unknown [n]."""
-    from scipy.sparse.csgraph import connected_components
-    count, piece = connected_components(abs(mass) + abs(matrix).T @ abs(matrix), directed=False)
+    count, piece = sparse.csgraph.connected_components(abs(mass) + abs(matrix).T @ abs(matrix), directed=False)
     return int(count), piece
 
 
@@ -93,7 +91,6 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     (proximal point iteration), so that the result is exact, also for dependent constraints. Also returned are the multipliers l
     of the constraints, with which mass (x - given) = momentum + matrix^T l.
     """
-    from scipy import sparse
     n, m = given.size, right.size
     diagonal = mass.diagonal()
     _, piece = pieces(mass, matrix)

@@ -27,12 +27,7 @@ FEW = 1e-3
 
 
 def check_backend(backend: str) -> None:
-    """Check the name of a solver.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Check the name of a solver. Raises SceneError."""
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
 
@@ -40,25 +35,14 @@ def check_backend(backend: str) -> None:
 class Pardiso:
     """PARDISO for one structure, analysed once: square blocks by rows (0-based BSR), real unsymmetric.
 
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    indptr, indices : int [n + 1], [n_blocks]
-    columns : int
-        Right-hand sides of a solve.
-    size : int
-        Unknowns of a block.
-    threads : int, optional
-        Default: as many as MKL likes.
-    reproducible : bool
-        The same bits for any number of threads. Large matrices are then cut in two (`halves`), if that leaves few nodes between.
-    symmetric : bool
-        Take the symmetric part of the matrix: half the operations and memory.
-
-    Raises
-    ------
-    ArithmeticError
-        The analysis fails.
+    indptr, indices: int [n + 1], [n_blocks].
+    columns: right-hand sides of a solve.
+    size: unknowns of a block.
+    threads: default: as many as MKL likes.
+    reproducible: the same bits for any number of threads. Large matrices are then cut in two (`halves`), if that leaves few nodes
+        between.
+    symmetric: take the symmetric part of the matrix: half the operations and memory.
+    Raises ArithmeticError: the analysis fails.
     """
 
     def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int, size: int, threads: int | None = None,
@@ -148,22 +132,11 @@ class LinearSystem:
     """Solver for the nodes of a model: block elimination if the pattern has a plan, else PARDISO, both inside compiled code;
     SuperLU without MKL, and for a step in which the others failed.
 
-    Parameters
-    ----------
-    pattern : Pattern
-    columns : int
-        Right-hand sides of a solve.
-    backend : {'auto', 'pardiso', 'superlu'}
-        For patterns without a plan.
-    size : int
-        Unknowns a node.
-    threads, reproducible, symmetric
-        Options of PARDISO.
-
-    Raises
-    ------
-    BackendError
-        backend='pardiso' without MKL.
+    columns: right-hand sides of a solve.
+    backend: {'auto', 'pardiso', 'superlu'}, for patterns without a plan.
+    size: unknowns a node.
+    threads, reproducible, symmetric: options of PARDISO.
+    Raises BackendError: backend='pardiso' without MKL.
     """
 
     def __init__(self, pattern: Pattern, columns: int, backend: str = "auto", size: int = 6, threads: int | None = None,

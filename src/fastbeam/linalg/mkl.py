@@ -27,13 +27,8 @@ def load_mkl() -> Any | None:
 
 
 def mkl_for(backend: str) -> Any | None:
-    """Load the MKL runtime if a backend takes it; None with backend='superlu', and without MKL.
-
-    Raises
-    ------
-    BackendError
-        backend='pardiso' without MKL.
-    """
+    """Load the MKL runtime if a backend takes it; None with backend='superlu', and without MKL. Raises BackendError:
+    backend='pardiso' without MKL."""
     mkl = None if backend == "superlu" else load_mkl()
     if mkl is None and backend == "pardiso":
         raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")
@@ -87,19 +82,12 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
                    refined: bool = False) -> PardisoTables:
     """Make the arguments of PARDISO, not yet analysed.
 
-    Parameters
-    ----------
-    indptr, indices : int [n + 1], [n_blocks]
-        Square blocks by rows, 0-based.
-    kind : int
-        `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
-    more : dict
-        Entries of PARDISO's iparm, by place. The others: METIS order, no scaling or matching (they are computed from the values
+    indptr, indices: int [n + 1], [n_blocks], square blocks by rows, 0-based.
+    kind: `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
+    more: entries of PARDISO's iparm, by place. The others: METIS order, no scaling or matching (they are computed from the values
         of the analysis), no refinement of its own, which would take the present matrix and cost two more solutions.
-    columns, size : int
-        Right-hand sides at most; unknowns of a block.
-    refined : bool
-        Keep places for residuals and corrections.
+    columns, size: right-hand sides at most; unknowns of a block.
+    refined: keep places for residuals and corrections.
     """
     n, rows = indptr.size - 1, size * (indptr.size - 1)
     every, iparm = np.arange(indices.size), np.zeros(64, np.int32)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.linalg.chain import Elimination
 from fastbeam.kernels.linalg.pardiso import ANALYSE, UNSYMMETRIC
 from fastbeam.linalg.factors import PardisoMemory
@@ -22,27 +23,14 @@ MUCH, MOST_UPDATES = 100, 10**8
 
 @dataclass(frozen=True)
 class Pattern:
-    """Blocks of a symmetric structure.
+    """Blocks of a symmetric structure."""
 
-    Attributes
-    ----------
-    row_of : int [N]
-        Row of every node; rows from n on belong to nodes that are eliminated before (theory.md 9).
-    keys : int [n_blocks]
-        row * n + column of the blocks, ascending: block k stands at rank k.
-    plan : Elimination or None
-        Update lists of the block elimination; None where its fill is too large and a sparse solver has to do it.
-    n : int
-        Number of block rows.
-    coupled : int [m, 2]
-        Rows of coupled nodes, each pair once, without the fill of the plan.
-    """
-
-    row_of: Array
-    keys: Array
+    row_of: Array  # int [N]: row of every node; rows from n on belong to nodes that are eliminated before (theory.md 9)
+    keys: Array  # int [n_blocks]: row * n + column of the blocks, ascending: block k stands at rank k
+    # update lists of the block elimination; None where its fill is too large and a sparse solver has to do it
     plan: Elimination | None
-    n: int
-    coupled: Array
+    n: int  # number of block rows
+    coupled: Array  # int [m, 2]: rows of coupled nodes, each pair once, without the fill of the plan
 
     @property
     def first_on_row(self) -> Array:
@@ -87,18 +75,11 @@ def ascending(keys: Array) -> Array:
 def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = True, joints: int = 0) -> Pattern:
     """Choose an order and, where the fill stays small, plan the block elimination.
 
-    Parameters
-    ----------
-    n : int
-        Number of nodes.
-    pairs : int [m, 2]
-        Coupled nodes, any order, repeats allowed; the diagonal is added.
-    band : int
-        Couplings of a node to one side within a beam; what a chain costs.
-    allow_elimination : bool
-        False: leave the factorisation to a sparse solver.
-    joints : int
-        Joints with multipliers, which a sparse solver leaves to a dense border: some columns of all rows each.
+    n: number of nodes.
+    pairs: int [m, 2], coupled nodes, any order, repeats allowed; the diagonal is added.
+    band: couplings of a node to one side within a beam; what a chain costs.
+    allow_elimination: false: leave the factorisation to a sparse solver.
+    joints: joints with multipliers, which a sparse solver leaves to a dense border: some columns of all rows each.
     """
     low, high = np.minimum(pairs[:, 0], pairs[:, 1]), np.maximum(pairs[:, 0], pairs[:, 1])
     edges = ascending(low * n + high)
@@ -132,7 +113,6 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
 
 def dissected(n: int, low: Array, high: Array) -> Array | None:
     """Return the rank of every node in the order of METIS; None without it."""
-    from scipy import sparse
     mkl = load_mkl()
     if mkl is None:
         return None
@@ -148,19 +128,17 @@ def dissected(n: int, low: Array, high: Array) -> Array | None:
 def breadth_first(n: int, coupled: Array) -> Array:
     """Return the rank of n rows, coupled [m, 2], in the reverse of a breadth-first search from the middle, as the kernel `sweep`
     finds it."""
-    from scipy import sparse
-    from scipy.sparse import csgraph
     low, high = coupled.T
     graph = sparse.csr_array((np.ones(2 * low.size), (np.concatenate((low, high)), np.concatenate((high, low)))), (n, n))
     rank = np.zeros(n, np.int64)
-    component = csgraph.connected_components(graph, directed=False)[1]
+    component = sparse.csgraph.connected_components(graph, directed=False)[1]
     roots, sizes = np.unique(component, return_index=True, return_counts=True)[1:]
     alone = roots[sizes == 1]
     rank[alone] = n - 1 - np.arange(alone.size)
     done = alone.size
     for root in roots[sizes > 1]:
         for turn in range(3):
-            found, came = csgraph.breadth_first_order(graph, root, directed=False)
+            found, came = sparse.csgraph.breadth_first_order(graph, root, directed=False)
             root = found[-1]
             if turn == 1:
                 route = [root]

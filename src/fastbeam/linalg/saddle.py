@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, refined
 from fastbeam.linalg.inertia import (
     SKEW,
@@ -44,23 +45,12 @@ ZERO = 1e-13
 class Saddle(Factors):
     """One matrix with constraints.
 
-    Parameters
-    ----------
-    matrix : sparse float64 [n, n] by rows
-        All rows and columns, coordinates and multipliers in any order.
-    multiplier : bool [n]
-        True for unknowns that are multipliers.
-    factoriser : Factoriser, optional
-        Used before SuperLU.
-
-    Attributes
-    ----------
-    drift : float64 [n]
-        Components of the last right-hand side along null vectors, in no unit; zero if the matrix is regular.
-    unbalanced : float
-        Its share in the right-hand side, in scaled rows.
-    left : float64 [n, m]
-        Null vectors of the transposed matrix, along which the last solution leaves the right-hand side out.
+    matrix: sparse float64 [n, n] by rows, all rows and columns, coordinates and multipliers in any order.
+    multiplier: bool [n], true for unknowns that are multipliers.
+    factoriser: used before SuperLU.
+    drift: float64 [n], components of the last right-hand side along null vectors, in no unit; zero if the matrix is regular.
+    unbalanced: its share in the right-hand side, in scaled rows.
+    left: float64 [n, m], null vectors of the transposed matrix, along which the last solution leaves the right-hand side out.
     """
 
     def __init__(self, matrix: Any, multiplier: Array, factoriser: Factoriser | None = None) -> None:
@@ -78,7 +68,6 @@ class Saddle(Factors):
 
     def stiffened(self, by: float) -> Saddle:
         """Return the matrix with this much more on the diagonal of the coordinates, in scaled rows."""
-        from scipy import sparse
         more = np.where(self.multiplier, 0.0, by / (self.row * self.column))
         n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
         at = np.flatnonzero(indices == np.repeat(np.arange(n), np.diff(indptr)))
@@ -125,7 +114,6 @@ class Saddle(Factors):
     @cached_property
     def _near(self) -> Any:
         """Factors of the scaled matrix, or of one next to it; None if there are none."""
-        from scipy import sparse
         if self._last is not None:
             return self._last
         return lu(self.scaled + sparse.diags(np.where(self.multiplier, -SMALL, SMALL), format="csr"))
@@ -190,7 +178,6 @@ class Saddle(Factors):
 
 def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
     """Return numbers of negative and zero directions of a [n, n] where b x = 0, b [m, n]."""
-    from scipy import sparse
     found = None
     for penalty in PENALTIES:
         stiff = (a + penalty * (b.T @ b)).tocsc()
@@ -213,7 +200,6 @@ def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
 def is_positive(matrix: Any, multiplier: Array) -> bool:
     """Tell whether the symmetric part of a matrix by rows [n, n] is clearly positive on the motions that its constraints, the
     rows of multipliers [n], allow: all pivots of A + B^T D B are, with a D that brings B^T D B to the size of A."""
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
     n = multiplier.size
     row, column, data = np.arange(n).repeat(matrix.indptr[1:] - matrix.indptr[:-1]), matrix.indices, matrix.data
     above, left = multiplier[row], multiplier[column]
@@ -231,7 +217,7 @@ def is_positive(matrix: Any, multiplier: Array) -> bool:
     other = np.arange(one.size) + (first.repeat(size) - pairs.cumsum() + pairs).repeat(pairs)
     half, i, k = 0.5 * data[within], row[within], column[within]
     values = np.concatenate((half, half, weight.repeat(size)[one] * b[one] * b[other]))
-    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
+    order = sparse.csgraph.reverse_cuthill_mckee(matrix, symmetric_mode=True)
     number = np.empty(n, np.int64)
     number[order] = np.add.accumulate(~multiplier[order], dtype=np.int64) - 1
     i, k = number[np.concatenate((i, k, j[one]))], number[np.concatenate((k, i, j[other]))]

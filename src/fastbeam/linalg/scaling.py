@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.linalg.scaling import balance
 
 Array = np.ndarray
@@ -33,7 +34,6 @@ def entry_scales(matrix: Any, row: Array, column: Array) -> Array:
 
 def with_diagonal(matrix: Any) -> Any:
     """Copy a matrix by rows with all of its diagonal, zeros too, in order."""
-    from scipy import sparse
     matrix = matrix.copy()
     matrix.sum_duplicates()
     row = rows_of(matrix)

@@ -134,10 +134,8 @@ def require(analysis: Analysis, model: Any, who: str | None = None, held: Array 
 
 
 def refuse(found: list[tuple[Lack, list[str]]], name: str) -> None:
-    """Raise an error for the first limit, if there is any; found: as from `told`; name: of the call.
-
-    Raises SceneError: the first limit, with the names of all limits of the same text.
-    """
+    """Raise an error for the first limit, if there is any; found: as from `told`; name: of the call. Raises SceneError: the first
+    limit, with the names of all limits of the same text."""
     if found:
         lack = found[0][0]
         names = [x for other, own in found if (other.text, other.instead) == (lack.text, lack.instead) for x in own]

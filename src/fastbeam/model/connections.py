@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.layout import ARM, POSITION, TRIAD
 
 Array = np.ndarray
@@ -155,10 +156,8 @@ class _Trees(NamedTuple):
 
 
 def _supported_roots(held: Array, touched: Array, root_of: Array, offset: Array, labels: Sequence[str]) -> Array:
-    """Pass pins of nodes on to their roots: masks of supports, int [n].
-
-    Raises SceneError: a pin at a distance from a root that may turn.
-    """
+    """Pass pins of nodes on to their roots: masks of supports, int [n]. Raises SceneError: a pin at a distance from a root that
+    may turn."""
     out, root = held.copy(), root_of[touched]
     pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
     np.bitwise_or.at(out, root_of[pinned], held[pinned])
@@ -245,12 +244,10 @@ def components(n: int, edges: Array) -> Array:
 def searched(edges: Array, top: Array, n: int) -> tuple[Array, Array]:
     """Return n nodes, in order from the node `top` of each of their connected components on, and the node before each, int64 [n],
     -1 for those of `top`."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import breadth_first_order
     # an additional node connects all components, so that one search goes through all of them
     whole = np.concatenate((edges, np.stack((np.full(top.size, n), top), axis=1)))
-    graph = coo_matrix((np.ones(len(whole), np.int8), (whole[:, 0], whole[:, 1])), shape=(n + 1, n + 1))
-    reached, before = breadth_first_order(graph.tocsr(), n, directed=False)
+    graph = sparse.coo_matrix((np.ones(len(whole), np.int8), (whole[:, 0], whole[:, 1])), shape=(n + 1, n + 1))
+    reached, before = sparse.csgraph.breadth_first_order(graph.tocsr(), n, directed=False)
     before = before[:n].astype(np.int64)
     return reached[1:], np.where(before == n, -1, before)
 
@@ -293,10 +290,8 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
 
 
 def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callable[[int], str]) -> Array:
-    """Find ball joints between rigid sets, or supports of them, that joints before them connect already, int [L].
-
-    Raises SceneError: a joint between parts that are joined at the same point already.
-    """
+    """Find ball joints between rigid sets, or supports of them, that joints before them connect already, int [L]. Raises
+    SceneError: a joint between parts that are joined at the same point already."""
     if not len(ball):
         return np.zeros(0, np.int64)
     sides = root_of[ball]

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.call_tables import ADDED, Calls, SystemRecord
@@ -103,7 +104,6 @@ class ConstraintGaps:
 
     def at(self, q: Array, s: Array) -> Gaps:
         """Evaluate the gaps and their rates at coordinates q [12 N] and places s [S] of sliders."""
-        from scipy import sparse
         n, contact = q.size // 12, self._contact
         values, tangents = self.values(q, s)
         if contact is None:
@@ -121,6 +121,11 @@ class ConstraintGaps:
             follow[contact.first_force[c] + np.arange(3)[:, None], 3 * slider + np.arange(3)] = np.outer(
                 contact.cross[o, 1, :3], tangent / (tangent @ tangent))
         return Gaps(values, follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3), np.unique(node)), tangents)
+
+
+def across_of(tangent: Array) -> Array:
+    """Return two unit vectors [2, 3] across a tangent [3]."""
+    return np.linalg.svd(tangent[None])[2][1:]
 
 
 def _on_nodes(term: Any, nodes: Array) -> Any:

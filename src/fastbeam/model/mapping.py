@@ -162,7 +162,7 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
-        every = model.own(fresh.history, "slider_forces").reshape(-1, HISTORY)
+        every = model.along_of(fresh.history)
         for k, (own, slider) in enumerate(zip(every, model.slider_forces.sliders)):
             if slider.name not in theirs:
                 continue

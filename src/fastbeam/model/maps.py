@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies
 from fastbeam.kernels.layout import layout_of
@@ -24,7 +25,6 @@ def _skew(x: Array) -> Array:
 
 def velocity_map(q: Array) -> Any:
     """Return the map from (v, spin) of all nodes to rates of their 12 coordinates, sparse [12 N, 6 N]."""
-    from scipy import sparse
     n = len(q)
     block = np.zeros((n, 12, 6))
     block[:, :3, :3] = np.eye(3)
@@ -36,7 +36,6 @@ def velocity_map(q: Array) -> Any:
 def motion_map(q: Array, nodes: Array) -> Any:
     """Return the map from rates of the 12 coordinates of some nodes to their (v, spin), sparse [6 N, 12 N], as
     `velocities_and_spins`; nodes: int, ascending."""
-    from scipy import sparse
     block = np.zeros((nodes.size, 6, 12))
     block[:, :3, :3] = np.eye(3)
     for k in range(1, 4):
@@ -48,7 +47,6 @@ def motion_map(q: Array, nodes: Array) -> Any:
 def tie_map(model: Model) -> Any:
     """Return the map on 12 coordinates of all nodes that takes those of slave nodes from their master nodes, sparse
     [12 N, 12 N]."""
-    from scipy import sparse
     n = model.n_nodes
     if model.ties is None:
         return sparse.eye(12 * n, format="csr")
@@ -71,7 +69,6 @@ def tie_map(model: Model) -> Any:
 def share_map(model: Model) -> Any:
     """Return the map on the unknowns of all nodes that takes those of nodes on a shared row from the first node on it, sparse
     [6 N, 6 N]."""
-    from scipy import sparse
     n = model.n_nodes
     pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.pattern.first_on_row)), shape=(n, n))
     return sparse.kron(pick, sparse.eye(6), format="csr")
@@ -97,7 +94,6 @@ def rates_map(model: Model, q: Array) -> Any:
 def spin_map(model: Model) -> Any:
     """Return the map on the spins of all nodes that takes those of rigidly connected nodes from their roots, sparse
     [3 N, 3 N]."""
-    from scipy import sparse
     n = model.n_nodes
     pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.spin_root)), shape=(n, n))
     return sparse.kron(pick, sparse.eye(3), format="csr")
@@ -114,7 +110,6 @@ def free_unknowns(model: Model, state: State | None = None) -> Array:
 def mass_map(model: Model, q: Array | None = None) -> Any:
     """Assemble the mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]; with coordinates q [12 N] also that of
     ropes, which depends on them."""
-    from scipy import sparse
     own = sparse.kron(vector_masses(model, q is not None), sparse.eye(3), format="csr")
     ropes = None if q is None else ropes_of(model)
     return own if ropes is None else own + rope_masses(ropes, q)
@@ -130,7 +125,6 @@ def gyration_radii(model: Model) -> Array:
 def vector_masses(model: Model, without_ropes: bool = False) -> Any:
     """Assemble the masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in
     a plane of (phi, u), [2 N, 2 N]. without_ropes: leave out ropes, else a model with ropes raises an error."""
-    from scipy import sparse
     # the inertia of a rope couples its nodes with its length
     if not without_ropes:
         require(Analysis.MASSES, model, "analyses that use the masses of nodes alone (impacts, Start(mend=True))")
@@ -196,7 +190,6 @@ class RowMap:
     @cached_property
     def every(self) -> Any:
         """Map from unknowns, fixed ones too, to positions and spins of all nodes, sparse [6 N, m]."""
-        from scipy import sparse
         n, pattern = self.model.n_nodes, self.model.pattern
         pick = sparse.csr_matrix((np.ones(n), (np.arange(n), pattern.row_of)), shape=(n, pattern.n))
         within = np.eye(6)
@@ -208,7 +201,6 @@ class RowMap:
     @cached_property
     def rows(self) -> Any:
         """Map `every` with zero columns for fixed unknowns."""
-        from scipy import sparse
         return (self.every @ sparse.diags(self.free)).tocsr()
 
     def rates(self, q: Array) -> Any:

@@ -217,6 +217,16 @@ class Model(WithFeatures):
         """Components of a position: 3, in the tables of a planar scene 2."""
         return 3 if self.dofs == SPACE else 2
 
+    def rows_in(self, x: Array) -> Array:
+        """Return the unknowns of the nodes [rows, 3 or 6] in an array that pads every row to 8 numbers; a view."""
+        n = self.pattern.n
+        return x[:8 * n].reshape(n, 8)[:, :len(self.dofs)]
+
+    def blocks_in(self, x: Array) -> Array:
+        """Return blocks [m, 3 or 6, 8] in the array that holds them; a view."""
+        size = len(self.dofs)
+        return x[:8 * size * self.pattern.keys.size].reshape(-1, size, 8)
+
     @cached_property
     def border(self) -> int:
         """Border unknowns of a slider: force, s, mean gap."""

@@ -15,6 +15,7 @@ from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.released_supports import Released
 from fastbeam.scene import PrescribedMotion, Scene
+from fastbeam.scene.prescribed_motion import axial
 
 Array = np.ndarray
 # largest distance of position(0) from its node, as a share of the size of the scene
@@ -26,10 +27,8 @@ LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
 
 
 class PrescribedMotions(Feature):
-    """Prescribed motions of a scene, of which there is one at least.
-
-    Raises SceneError: a node follows another, moves twice, or begins elsewhere.
-    """
+    """Prescribed motions of a scene, of which there is one at least. Raises SceneError: a node follows another, moves twice, or
+    begins elsewhere."""
 
     key, title, order = "prescribed", "supports that move", 60
     lacks = (
@@ -100,10 +99,7 @@ class PrescribedMotions(Feature):
     def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
         """Return the increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6];
         tables: those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
-        [n, M, 3], or None.
-
-        Raises SceneError: a function fails, a step turns by half a turn, or a motion leaves the plane.
-        """
+        [n, M, 3], or None. Raises SceneError: a function fails, a step turns by half a turn, or a motion leaves the plane."""
         axes = None if plane is None else plane.axes
         out = np.zeros((len(times) - 1, len(self.motions), 6))
         for k, motion in enumerate(self.motions):
@@ -112,7 +108,7 @@ class PrescribedMotions(Feature):
             out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
             if motion.rotation is not None:
                 turn = turns_between(motion, times.tolist())
-                out[:, k, 3:] = 2.0 * _axial(turn) / (1.0 + np.trace(turn, axis1=1, axis2=2))[:, None]
+                out[:, k, 3:] = 2.0 * axial(turn) / (1.0 + np.trace(turn, axis1=1, axis2=2))[:, None]
             if axes is not None:
                 self._check_plane(motion, out[:, k], axes[2], times)
         if axes is None:
@@ -163,7 +159,7 @@ class PrescribedMotions(Feature):
                     # a table may end
                     continue
                 places.append(place)
-                turns.append(_axial(turn))
+                turns.append(axial(turn))
             for which, x in enumerate((np.array(places) - places[0], np.array(turns) - turns[0])):
                 _, size, axes = np.linalg.svd(x, full_matrices=False)
                 for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
@@ -172,10 +168,8 @@ class PrescribedMotions(Feature):
 
 
 def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
-    """Return the rotations of a motion from each of these times to the next, [n, 3, 3].
-
-    Raises SceneError: a rotation is half a turn or more.
-    """
+    """Return the rotations of a motion from each of these times to the next, [n, 3, 3]. Raises SceneError: a rotation is half a
+    turn or more."""
     turns, vectors = zip(*(motion.turning(t) for t in times))
     out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])
     for k, (turn, before, after) in enumerate(zip(out, vectors[:-1], vectors[1:])):
@@ -188,17 +182,9 @@ def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
     return out
 
 
-def _axial(turn: Array) -> Array:
-    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
-    x = turn - np.swapaxes(turn, -1, -2)
-    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
-
-
 def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:
-    """Build the feature of moving supports; None where no support moves.
-
-    Raises SceneError: a node follows another, moves twice, or begins elsewhere; a position does not begin at its node.
-    """
+    """Build the feature of moving supports; None where no support moves. Raises SceneError: a node follows another, moves twice,
+    or begins elsewhere; a position does not begin at its node."""
     if not scene.prescribed:
         return None
     found = PrescribedMotions(scene.prescribed, nodes, joints)
@@ -224,9 +210,7 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
 
 def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
     """Build the feature of supports that let go or take hold, or None; always: unknowns that the other supports fix, int64 [N].
-
-    Raises SceneError: the node of such a support follows another, or two supports hold one rigid part.
-    """
+    Raises SceneError: the node of such a support follows another, or two supports hold one rigid part."""
     every = [*scene.pins, *scene.clamps, *scene.prescribed]
     some = [(k, x) for k, x in enumerate(every) if x.until is not None or x.since is not None]
     if not some:

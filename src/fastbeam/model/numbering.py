@@ -152,10 +152,8 @@ class NodeList:
         return np.concatenate((self.phi[pick, None], self.directors[pick]), axis=1)
 
     def start(self, part: Any) -> int:
-        """Return the global number of the first node of a beam, a beam of a net, a net, body or mass.
-
-        Raises KeyError: the part is not in the scene.
-        """
+        """Return the global number of the first node of a beam, a beam of a net, a net, body or mass. Raises KeyError: the part
+        is not in the scene."""
         if isinstance(part, NetBeam):
             return self.first[part.net] + int(part.net.node_start[part.index])
         return self.first[part]

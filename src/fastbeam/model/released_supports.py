@@ -108,10 +108,8 @@ class Released(Feature):
 
 
 class OwnSupports:
-    """Tables of a run that change when supports let go or take hold: copies of those of its model.
-
-    core: Model with such supports.
-    """
+    """Tables of a run that change when supports let go or take hold: copies of those of its model; core: Model with such
+    supports."""
 
     def __init__(self, core: Any) -> None:
         held = core.held
@@ -155,10 +153,8 @@ class StandingSupports:
 
 
 def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | StandingSupports]:
-    """Return the model of a run with its own tables where supports change; in statics they stay as at the start.
-
-    Raises SceneError: in statics a support of the state has let go or taken hold.
-    """
+    """Return the model of a run with its own tables where supports change; in statics they stay as at the start. Raises
+    SceneError: in statics a support of the state has let go or taken hold."""
     if core.released is None:
         return core, StandingSupports()
     own = OwnSupports(core)

@@ -9,17 +9,18 @@ import numpy as np
 
 from fastbeam.interface.arguments import LARGEST, numbers, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider import END_SLACK
-from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
+from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
 from fastbeam.model.connections import HOLD_TRIAD, components, fixed_axes
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import follow, turned
-from fastbeam.model.maps import free_unknowns, mass_map, rates_map, share_map, tie_map, velocities_and_spins, velocity_map
+from fastbeam.model.maps import free_unknowns, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -68,10 +69,8 @@ class Misfit:
 
 
 def own_state(model: Model, state: State) -> State:
-    """Return a checked copy of a state that fits the model; compiled code reads it without bounds.
-
-    Raises SceneError: the start is not a State, or is one of another model.
-    """
+    """Return a checked copy of a state that fits the model; compiled code reads it without bounds. Raises SceneError: the start
+    is not a State, or is one of another model."""
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
     found = [numbers(x) for x in state]
@@ -256,7 +255,7 @@ def off_beam(model: Model, state: State) -> Array:
     """Return which sliders have left their beams, bool [S]."""
     if model.slider_forces is None:
         return np.zeros(model.n_sliders, bool)
-    return np.asarray(model.own(state.history, "slider_forces").reshape(-1, HISTORY)[:, HELD] == OFF)
+    return np.asarray(model.along_of(state.history)[:, HELD] == OFF)
 
 
 def _follows(model: Model) -> Array:
@@ -312,6 +311,13 @@ def active_supports(model: Model, state: State) -> list[tuple[int, Any, int]]:
     return [(k, *pair) for k, pair in enumerate(pairs) if k not in gone]
 
 
+def _put_rates_of_supports(model: Model, state: State, t: float, out: Array) -> None:
+    """Write the velocities and spins of supports that move at time t into those of all nodes [N, 6]."""
+    for motion, node in moving_supports(model, state):
+        bits = np.append(fixed_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
+        out[node, bits] = np.concatenate(motion.rates(t))[bits]
+
+
 def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
     """Return events for supports that move and whose nodes in the state are not at their places at time t."""
     q, q0 = state.q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
@@ -364,7 +370,6 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     to admissible velocities: parts without support keep their momenta. t: time at which supports that move give the velocities
     of their nodes; None: they have those of the state.
     """
-    from scipy import sparse
     if off_beam(model, state).any():
         raise SceneError("start, mend: a slider is off its beam, which cannot be corrected; start from the state of a run "
                          "without mend")
@@ -423,14 +428,12 @@ def _close_rigidly(model: Model, rows: ConstraintGaps, state: State, q: Array, s
 
 def sparse_rows(*parts: Any) -> Any:
     """Stack sparse matrices below each other."""
-    from scipy import sparse
     return sparse.vstack(parts, format="csr")
 
 
 def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
     """Assemble the conditions of slave nodes, welded ends and supports: a matrix on velocities and spins of all nodes, sparse
     [m, 6 N], the errors of position [m], and the numbers of unknowns that supports, whose rows come last, fix."""
-    from scipy import sparse
     place = follow(model, q)
     led = np.flatnonzero(_follows(model))
     unit = sparse.eye(6 * len(q), format="csr")
@@ -443,7 +446,7 @@ def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
     led = np.flatnonzero(leads != np.arange(len(q)))
     of, to = ((6 * k[:, None] + np.arange(3, 6)).reshape(-1) for k in (led, leads[led]))
     rows.append(unit[to] - unit[of])
-    off.append(0.5 * np.cross(q[led, 1:], place[led, 1:]).sum(axis=1).reshape(-1))
+    off.append(spins(q[led], place[led]).reshape(-1))
     supported = _standing(model, state)
     for _, motion, node in active_supports(model, state):
         supported[node] |= motion.mask
@@ -462,10 +465,7 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     state = own_state(model, state)
     q, q0, v0 = (x.reshape(-1, 4, 3) for x in (state.q, model.q0, model.v0))
     given = velocities_and_spins(q0, v0)
-    for motion, node in moving_supports(model, state):
-        rates = np.concatenate(motion.rates(t))
-        bits = np.append(fixed_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
-        given[node, bits] = rates[bits]
+    _put_rates_of_supports(model, state, t, given)
     fixed = given.reshape(-1).copy()
     given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
     to_rates = velocity_map(q)
@@ -548,11 +548,8 @@ def _after_impact(model: Model, rows: ConstraintGaps, state: State, q: Array, s:
     before = state.q.reshape(-1, 4, 3)
     own = velocities_and_spins(before, state.v.reshape(-1, 4, 3))
     led_by = own.copy()
-    for motion, node in moving_supports(model, state) if t is not None else ():
-        rates = np.concatenate(motion.rates(t))
-        bits = (motion.mask >> np.arange(6) & 1).astype(bool)
-        bits[:3], bits[3:] = fixed_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
-        led_by[node, bits] = rates[bits]
+    if t is not None:
+        _put_rates_of_supports(model, state, t, led_by)
     across, _ = _across(model, rows, q, s)
     lift, free = _lift(model, q, state)
     moved = _moved_unknowns(model, state)
@@ -619,7 +616,6 @@ def _moved_unknowns(model: Model, state: State) -> Array:
 def _across(model: Model, rows: ConstraintGaps, q: Array, s: Array) -> tuple[Any, Array]:
     """Move s to the nearest points, and return the gaps across the curves [2 S], of joints with multipliers and of directions in
     sleeves: their matrix on the coordinates, sparse, and values."""
-    from scipy import sparse
     of_sliders = 3 * np.arange(s.size)[:, None] + np.arange(3)
     for _ in range(20):
         gaps, tangents = rows.values(q.reshape(-1), s)
@@ -630,7 +626,7 @@ def _across(model: Model, rows: ConstraintGaps, q: Array, s: Array) -> tuple[Any
             break
         s[moves] = np.clip(s + increments, *model.ends_at(s).T)[moves]
     found = rows.at(q.reshape(-1), s)
-    axes = [np.linalg.svd(tangent[None])[2][1:] for tangent in found.tangents]
+    axes = [across_of(tangent) for tangent in found.tangents]
     matrix = [sparse.csr_matrix(two) @ found.rates[at] for two, at in zip(axes, of_sliders)]
     values = [two @ found.values[at] for two, at in zip(axes, of_sliders)]
     return sparse_rows(*matrix, found.rates[rows.others]), np.concatenate((*values, found.values[rows.others]))

@@ -35,10 +35,7 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
 
 def free_aside(model: Model) -> str:
     """Describe a part of a scene held in its plane that can leave the plane, and its motion; empty without any. Straight parts
-    that can only turn about their own line do not count.
-
-    Raises SceneError.
-    """
+    that can only turn about their own line do not count. Raises SceneError."""
     return _known(model, True, False) or ""
 
 
@@ -193,10 +190,8 @@ def standing_supports(model: Model) -> Array:
 
 
 def waiting(model: Model) -> dict[str, Any]:
-    """Return tables of a model before supports with `since` take hold; the model has all supports.
-
-    Raises SceneError: a part whose masses the impact does not know.
-    """
+    """Return tables of a model before supports with `since` take hold; the model has all supports. Raises SceneError: a part
+    whose masses the impact does not know."""
     of, pattern, spinless = model.released, model.pattern, model.spinless.copy()
     require(Analysis.CATCHING, model, f"{of.names[int(np.argmax(of.waits))]}: since, whose impact")
     for row, mask in zip(*of.masks(of.waits)):

@@ -402,22 +402,14 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
 
 def pack_curves(tracks: list[Any]) -> Curves:
     """Build the tables of the curves of beams (tracks.py)."""
-    meta, shape, ends, first, count, coef = [], [], [], [], [], []
-    n_ends = n_first = n_coef = 0
-    degree = 1
-    for track in tracks:
-        curve = track.basis
-        ne, width, n = curve.coef.shape
-        meta.append((track.nodes[0], ne, n_ends, n_first, n_coef))
-        shape.append((width, n, track.nodes.size))
-        degree = max(degree, n - 1)
-        ends.append(curve.element_ends)
-        first.append(curve.first_node)
-        count.append(curve.n_nodes_of)
-        coef.append(curve.coef.reshape(-1))
-        n_ends += ne + 1
-        n_first += ne
-        n_coef += curve.coef.size
+    curves = [track.basis for track in tracks]
+    sizes = np.array([(x.element_ends.size, x.first_node.size, x.coef.size) for x in curves])
+    begins = (np.cumsum(sizes, axis=0) - sizes).tolist()
+    meta = [(track.nodes[0], len(x.coef), *at) for track, x, at in zip(tracks, curves, begins)]
+    shape = [(*x.coef.shape[1:], track.nodes.size) for track, x in zip(tracks, curves)]
+    degree = max(1, *(x.coef.shape[2] - 1 for x in curves))
+    ends, first, count = ([getattr(x, name) for x in curves] for name in ("element_ends", "first_node", "n_nodes_of"))
+    coef = [x.coef.reshape(-1) for x in curves]
     # the rule integrates derivatives of degree p - 1 and, with the factor x, of p - 1 again: exact to degree p
     x, w = np.polynomial.legendre.leggauss(degree // 2 + 1)
     return Curves(np.array(meta, np.int64), np.array(shape, np.int64), np.concatenate(ends),

@@ -12,7 +12,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
-from fastbeam.kernels.contact.moving_beam import MovingBeam, Scratch
+from fastbeam.kernels.contact.moving_beam import Scratch
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
@@ -28,13 +28,8 @@ Array = np.ndarray
 
 
 class ReferenceStrains:
-    """Reference strains of one run, in the order of the tables of every form of its model.
-
-    Parameters
-    ----------
-    beams : sequence of (slice, float)
-        Beams whose prestrains change: nodes, and the change at factor 1.
-    """
+    """Reference strains of one run, in the order of the tables of every form of its model; beams: sequence of (slice, float),
+    beams whose prestrains change: nodes, and the change at factor 1."""
 
     def __init__(self, beams: Sequence[tuple[slice, float]] = ()) -> None:
         self.beams = beams
@@ -115,10 +110,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False, strains: Refer
 
 
 def check_border(model: Model) -> None:
-    """Check that the memory of this computer holds the dense columns of constraints over all nodes.
-
-    Raises SceneError: names the number of constraints and what to do.
-    """
+    """Check that the memory of this computer holds the dense columns of constraints over all nodes. Raises SceneError: names the
+    number of constraints and what to do."""
     if not model.n_bordered or model.by_rows:
         return
     # the panel, its Schur complement, and arrays of PARDISO: right-hand sides, solutions, residuals and corrections
@@ -297,8 +290,3 @@ def scratch_of_moving(n: int) -> Scratch:
                    empty(7 * size), empty(7 * size), empty(42 * n), empty(42 * n),
                    empty((7, 7)), empty((2, 6, 7)), empty((2, 7)), empty((5, 7)), empty((3, 6)), empty(7),
                    empty((6 * n + 2, 6 * n + 2)))
-
-
-def moving_of_run(table: MovingBeam) -> MovingBeam:
-    """Return the table with work arrays of one run."""
-    return table._replace(scratch=scratch_of_moving(table.node.shape[1]))

@@ -48,10 +48,8 @@ def load_result(path: str | PathLike[str]) -> Result:
 
 
 def read_file(kind: str, path: Path, read: Callable[[Reader], T]) -> T:
-    """Return what `read` finds in a file; call it again where it fails on a file whose writer may be running.
-
-    Raises ResultFileError: it is no HDF5 file, or the last call failed.
-    """
+    """Return what `read` finds in a file; call it again where it fails on a file whose writer may be running. Raises
+    ResultFileError: it is no HDF5 file, or the last call failed."""
     h5py = import_h5py()
     for attempt in reversed(range(ATTEMPTS)):
         left_open = check_file(path)
@@ -249,10 +247,8 @@ def _expect(name: str, value: Any, kind: Any) -> None:
 
 
 def check_file(path: Path) -> bool:
-    """Return whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
-
-    Raises ResultFileError: there is no such file, it is not HDF5, or it is shorter than it was.
-    """
+    """Return whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3). Raises
+    ResultFileError: there is no such file, it is not HDF5, or it is shorter than it was."""
     try:
         if not path.exists():
             raise ResultFileError(f"result file '{path}': no such file")

@@ -66,10 +66,8 @@ _LOST: list[Any] = []
 
 
 class _Waiting:
-    """Data that wait in memory, and the counts and checksum of all that a file holds before them.
-
-    count: rows, snapshots and bytes of text in the file, in the order of COUNTS.
-    """
+    """Data that wait in memory, and the counts and checksum of all that a file holds before them; count: rows, snapshots and
+    bytes of text in the file, in the order of COUNTS."""
 
     def __init__(self, header: ResultHeader, count: dict[str, int], blocks: int, crc: int) -> None:
         self.pending = {"rows": RowBuffer(*header.row_tables()), "snapshots": RowBuffer(header.snapshot_tables(), capacity=1)}

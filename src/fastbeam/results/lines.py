@@ -38,36 +38,23 @@ class Lines:
         if not beams and not nets and n_nodes and not names.get("bodies") and not names.get("masses"):
             beams = [{"name": "nodes", "first": 0, "count": n_nodes}]
         self.labels = [str(entry.get("name", "")) for entry in (*beams, *nets, *ropes)]
-        columns, values, counts, lengths, s, outline, parts = [], [], [], [], [], [], []
+        # of every entry: nodes, their weights and number at a point, points of lines, arc lengths, outlines, its number
+        found: list[tuple[Any, ...]] = []
         for k, entry in enumerate(beams):
             at, node, weight, count = _samples(entry, refine)
-            columns.append(node)
-            values.append(weight)
-            counts.append(count)
-            lengths.append([len(at)])
-            s.append(at)
-            outline.append([[_number(entry.get("half_2")), _number(entry.get("half_3")), entry.get("round") is not False]])
-            parts.append([k])
+            shape = _number(entry.get("half_2")), _number(entry.get("half_3")), entry.get("round") is not False
+            found.append((node, weight, count, [len(at)], at, [shape], [k]))
         for k, net in enumerate(nets, len(beams)):
             n = int(net["count"])
             # checked where a result is made: numbers of its nodes
             starts = np.unique(np.asarray([0, *net.get("starts", ())], dtype=np.int64))
-            columns.append(net["first"] + np.arange(n))
-            values.append(np.ones(n))
-            counts.append(np.ones(n, np.int64))
-            lengths.append(np.diff(starts, append=n))
-            s.append(np.full(n, np.nan))
-            outline.append(_net_outlines(net, len(starts)))
-            parts.append(np.full(len(starts), k))
+            found.append((net["first"] + np.arange(n), np.ones(n), np.ones(n, np.int64), np.diff(starts, append=n),
+                          np.full(n, np.nan), _net_outlines(net, len(starts)), np.full(len(starts), k)))
         for k, rope in enumerate(ropes, len(beams) + len(nets)):
             nodes = np.asarray(rope["nodes"], dtype=np.int64)
-            columns.append(nodes)
-            values.append(np.ones(len(nodes)))
-            counts.append(np.ones(len(nodes), np.int64))
-            lengths.append([len(nodes)])
-            s.append(np.full(len(nodes), np.nan))
-            outline.append(np.array([[0.0, 0.0, 1.0]]))
-            parts.append([k])
+            n = len(nodes)
+            found.append((nodes, np.ones(n), np.ones(n, np.int64), [n], np.full(n, np.nan), [(0.0, 0.0, 1.0)], [k]))
+        columns, values, counts, lengths, s, outline, parts = zip(*found) if found else ((),) * 7
         self._columns, self._values = _joined(columns, np.int64), _joined(values, float)
         self._rows = np.concatenate(([0], np.cumsum(_joined(counts, np.int64))))
         self.starts = np.concatenate(([0], np.cumsum(_joined(lengths, np.int64))))

@@ -330,7 +330,7 @@ class DampedModes(Motions):
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """Return a state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the
-        motion.
+        motion; in space, with those of the spin, where the modes are those of a steady motion.
 
         Parameters
         ----------
@@ -344,13 +344,18 @@ class DampedModes(Motions):
         Raises
         ------
         SceneError
-            There is no such mode.
+            There is no such mode, or beams travel: their nodes stand still while their material passes.
         """
         check_number(self, k)
         a = amplitude * np.exp(1j * phase)
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
-        return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
-                                  np.real(a * rate * turn))
+        moved = np.real(a * x)
+        return self._source.moved(moved, np.real(a * turn), np.real(a * self.slides[k]),
+                                  *self._in_space(moved, np.real(a * rate * x), np.real(a * rate * turn)))
+
+    def _in_space(self, displacement: Array, velocity: Array, spin: Array) -> tuple[Array, Array]:
+        """Return velocities and spins [N, 3] in space of nodes moved by so much."""
+        return velocity, spin
 
     def _words(self, k: int) -> tuple[str, bool]:
         grows = bool(self.decay[k] < 0.0)
@@ -395,30 +400,8 @@ class SteadyModes(DampedModes):
         super().__init__(rates, displacements, spins, slides, residuals, source, info, names, positions, directors)
         self.whirl, self.in_space, self.is_complete = whirl, in_space, bool(info["complete"])
 
-    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
-    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
-        """Return a state to start a run from, in space: the scene with the velocities of its spin, moved by amplitude Re(x e^(i
-        phase)), with the velocities of the motion.
-
-        Parameters
-        ----------
-        k : int
-            From 0.
-        amplitude : float
-            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
-        phase : float
-            rad.
-
-        Raises
-        ------
-        SceneError
-            There is no such mode, or beams travel: their nodes stand still while their material passes.
-        """
-        check_number(self, k)
-        a = amplitude * np.exp(1j * phase)
-        x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
-        return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]),
-                                  *self._source.in_motion(np.real(a * x), np.real(a * rate * x), np.real(a * rate * turn)))
+    def _in_space(self, displacement: Array, velocity: Array, spin: Array) -> tuple[Array, Array]:
+        return self._source.in_motion(displacement, velocity, spin)  # type: ignore[no-any-return]
 
     def table(self) -> str:
         """Return a text: frequency in the frame and in space, whirl, growth and residual of every mode."""

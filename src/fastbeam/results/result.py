@@ -82,10 +82,8 @@ class ResultHeader:
 
 
 class ResultBuffer:
-    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
-
-    header: fixes the names and shapes of all series.
-    """
+    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`; header: fixes the names and shapes of all
+    series."""
 
     def __init__(self, header: ResultHeader) -> None:
         self.header = header
@@ -119,23 +117,20 @@ class ResultBuffer:
         return self.result(info)
 
 
-@dataclass(frozen=True)
-class Series:
+def as_series(value: Any) -> np.ndarray:
     """Numbers of any shape, not finite ones too; arrays are not copied."""
-
-    def __call__(self, value: Any) -> np.ndarray:
-        if type(value) is np.ndarray and value.dtype.kind in "iufb":
-            return value
-        try:
-            huge = isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE
-            foreign = value is None or huge or isinstance(value, (bytearray, memoryview)) or is_masked(value)
-            clean = None if foreign else np.asarray(value)
-        except Exception:          # ragged lists, and what foreign objects raise
-            clean = None
-        others = isinstance(value, (list, tuple)) and clean is not None and clean.dtype.kind in "iuf" and hides_others(value)
-        if clean is None or others or clean.dtype.kind not in "iufb":
-            raise Refusal(f"must be numbers, got {shown(value)}")
-        return clean
+    if type(value) is np.ndarray and value.dtype.kind in "iufb":
+        return value
+    try:
+        huge = isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE
+        foreign = value is None or huge or isinstance(value, (bytearray, memoryview)) or is_masked(value)
+        clean = None if foreign else np.asarray(value)
+    except Exception:          # ragged lists, and what foreign objects raise
+        clean = None
+    others = isinstance(value, (list, tuple)) and clean is not None and clean.dtype.kind in "iuf" and hides_others(value)
+    if clean is None or others or clean.dtype.kind not in "iufb":
+        raise Refusal(f"must be numbers, got {shown(value)}")
+    return clean
 
 
 def _are_texts(items: Iterable[Any]) -> bool:
@@ -175,7 +170,7 @@ class Items:
         return items
 
 
-SERIES, NAMED = Series(), Word()
+SERIES, NAMED = as_series, Word()
 
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,

@@ -31,10 +31,8 @@ class RowBuffer:
         return self.n_rows
 
     def append(self, rows: Rows, n: int | None = None) -> None:
-        """Add one row (n None) or a block of n rows (every array with first axis n).
-
-        Raises ValueError: the names are not those of the buffer, or a value has the wrong shape. The buffer is then unchanged.
-        """
+        """Add one row (n None) or a block of n rows (every array with first axis n). Raises ValueError: the names are not those
+        of the buffer, or a value has the wrong shape. The buffer is then unchanged."""
         if rows.keys() != self._data.keys():
             raise ValueError(_name_mismatch(rows.keys(), self._data.keys()))
         first, last = self.n_rows, self.n_rows + (1 if n is None else n)

@@ -172,10 +172,8 @@ def let_go() -> None:
 
 
 def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:
-    """Read header and rows of a file, also of one whose writer was killed or is running.
-
-    Raises ResultFileError: the file is missing, no sweep, or damaged.
-    """
+    """Read header and rows of a file, also of one whose writer was killed or is running. Raises ResultFileError: the file is
+    missing, no sweep, or damaged."""
     return read_file("sweep file", path, _read)
 
 

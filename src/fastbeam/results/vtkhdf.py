@@ -205,10 +205,8 @@ def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
 
 def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Callable[[int], Array]]:
     """Return functions of snapshot k: forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3],
-    linear between the arc lengths that are given; NaN on beams without section forces.
-
-    Raises SceneError: `sections` is no dict of section forces, names a beam that is not there, or belongs to other shapes.
-    """
+    linear between the arc lengths that are given; NaN on beams without section forces. Raises SceneError: `sections` is no dict
+    of section forces, names a beam that is not there, or belongs to other shapes."""
     need = "to_vtk: sections must be a dict of names of beams and what section_forces(model, result, beam) returns"
     if not isinstance(sections, Mapping):
         raise SceneError(f"{need}, got {shown(sections)}")

@@ -9,13 +9,13 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.bodies import PointMass, RigidBody
 from fastbeam.scene.checks import Named, noun
-from fastbeam.scene.drag import InAir
+from fastbeam.scene.drag import as_in_air
 from fastbeam.scene.nets import Net
 
 NOT_NEGATIVE = Number(least=0.0)
 
 
-@checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE)
+@checked(name=Name(), on=as_in_air, normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE)
 @noun
 class AddedMass(Named):
     """Mass of fluid that a part carries along (theory.md (4.34)): 1/2 v . (m_n I + (m_t - m_n) d1 d1) v in the kinetic energy.

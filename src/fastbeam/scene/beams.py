@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Required, TypedDict, Unpack
 
@@ -44,49 +44,40 @@ STRAINS = ("simo_reissner", "green_lagrange")
 MOST_ELEMENTS = 10**7
 
 
-@dataclass(frozen=True)
-class Elements:
+def as_elements(value: Any) -> int | Array:
     """Check of a number of elements, or of the arc lengths of their ends."""
-
-    def __call__(self, value: Any) -> int | Array:
-        count = whole(value)
-        if count is not None:
-            if not 1 <= count <= MOST_ELEMENTS:
-                raise Refusal(f"must be a whole number >= 1 (at most {MOST_ELEMENTS:g}) or the increasing arc lengths of the "
-                              f"element ends, got {shown(value)}")
-            return count
-        ends = numbers(value)
-        if ends is None or ends.ndim != 1:
-            raise Refusal("must be a whole number >= 1 or the increasing arc lengths of the element ends, got "
-                          f"{shown(value)}")
-        return Numbers((None,), "finite arc lengths")(ends)
+    count = whole(value)
+    if count is not None:
+        if not 1 <= count <= MOST_ELEMENTS:
+            raise Refusal(f"must be a whole number >= 1 (at most {MOST_ELEMENTS:g}) or the increasing arc lengths of the "
+                          f"element ends, got {shown(value)}")
+        return count
+    ends = numbers(value)
+    if ends is None or ends.ndim != 1:
+        raise Refusal("must be a whole number >= 1 or the increasing arc lengths of the element ends, got "
+                      f"{shown(value)}")
+    return Numbers((None,), "finite arc lengths")(ends)
 
 
-@dataclass(frozen=True)
-class CurveOf:
+def as_curve(value: Any) -> Any:
     """Check of an object with `length` and `reference(s)`."""
-
-    def __call__(self, value: Any) -> Any:
-        if isinstance(value, type) or not callable(getattr(value, "reference", None)) or not hasattr(value, "length"):
-            hint = "use Beam.from_curve(...)" if callable(value) else "use Beam.straight(...) or a curve object"
-            raise Refusal(f"must have length and reference(s), got {shown(value)}; {hint}")
-        Number(above=0.0, unit="m")(value.length)
-        return value
+    if isinstance(value, type) or not callable(getattr(value, "reference", None)) or not hasattr(value, "length"):
+        hint = "use Beam.from_curve(...)" if callable(value) else "use Beam.straight(...) or a curve object"
+        raise Refusal(f"must have length and reference(s), got {shown(value)}; {hint}")
+    Number(above=0.0, unit="m")(value.length)
+    return value
 
 
-@dataclass(frozen=True)
-class ArcLengths:
+def as_arc_lengths(value: Any) -> Array:
     """Check of one arc length or several, as an array [n]."""
-
-    def __call__(self, value: Any) -> Array:
-        s = numbers(value)
-        if s is None or s.ndim > 1 or not np.all(np.abs(s) <= LARGEST):
-            raise Refusal(f"must be arc lengths, finite numbers of shape [n], got {shown(value)}")
-        return np.atleast_1d(s)
+    s = numbers(value)
+    if s is None or s.ndim > 1 or not np.all(np.abs(s) <= LARGEST):
+        raise Refusal(f"must be arc lengths, finite numbers of shape [n], got {shown(value)}")
+    return np.atleast_1d(s)
 
 
 # degree and interpolation belong together
-COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
+COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": as_elements,
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS),
           "prestrain": Number(least=-10.0, most=0.99), "prestress": Number(unit="N")}
 OWNERS = ("beam", "body", "point mass", "crossing", "point of rope", "drum", "ground")
@@ -199,7 +190,7 @@ def nearest_on(line: Any, point: Any) -> tuple[float, float]:
     return float(ends[k]), float(distance[k])
 
 
-@checked(name=Name(), curve=CurveOf(), **COMMON)
+@checked(name=Name(), curve=as_curve, **COMMON)
 @noun
 class Beam(Named):
     """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
@@ -375,7 +366,7 @@ class Beam(Named):
         """Reference length, m."""
         return float(self.curve.length)
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def reference(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
 
@@ -489,10 +480,8 @@ for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
 
 
 def strained(who: str, section: Section, prestrain: float, prestress: float) -> Array:
-    """Return the six strains of a prestrain, or of the normal force prestress.
-
-    Raises SceneError: both are given, or the beam would have no length without stress.
-    """
+    """Return the six strains of a prestrain, or of the normal force prestress. Raises SceneError: both are given, or the beam
+    would have no length without stress."""
     if prestrain != 0.0 and prestress != 0.0:
         raise SceneError(f"{who}: give prestrain or prestress, not both")
     out = np.zeros(6)

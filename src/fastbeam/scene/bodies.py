@@ -11,12 +11,10 @@ import numpy as np
 from fastbeam.interface.arguments import Anything, Flag, Name, Number, Refusal, Vector, checked, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
+from fastbeam.scene.beams import Beam, NodeRef, as_arc_lengths
 from fastbeam.scene.checks import (
     Array,
     ArrayField,
-    Factor,
-    Field,
     FieldField,
     FieldLike,
     FilledArray,
@@ -24,19 +22,21 @@ from fastbeam.scene.checks import (
     NodeField,
     OptionalArray,
     OptionalField,
-    Rotation,
     Takes,
     TimeFactor,
+    as_factor,
+    as_field,
+    as_rotation,
     noun,
 )
 from fastbeam.scene.nets import Net
-from fastbeam.scene.paths import ABeam
+from fastbeam.scene.paths import as_beam
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 ZERO = (0.0, 0.0, 0.0)
-MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
+MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), as_field, as_factor
 
 
 @dataclass(frozen=True)
@@ -65,30 +65,24 @@ class Node:
         raise Refusal(f"must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {shown(value)}{hint}")
 
 
-@dataclass(frozen=True)
-class Steady:
+def as_steady(value: Any) -> Array:
     """Three numbers; a function of time is another argument."""
-
-    def __call__(self, value: Any) -> Array:
-        if callable(value):
-            raise Refusal(f"must be 3 finite numbers, got {shown(value)}; for changes in time give time=a function of t")
-        return Vector(value)
+    if callable(value):
+        raise Refusal(f"must be 3 finite numbers, got {shown(value)}; for changes in time give time=a function of t")
+    return Vector(value)
 
 
-@dataclass(frozen=True)
-class Movable:
+def as_movable(value: Any) -> tuple[Any, ...]:
     """Check of one Beam, Net, RigidBody or PointMass or several, as a tuple."""
-
-    def __call__(self, value: Any) -> tuple[Any, ...]:
-        one = isinstance(value, MOVABLE) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray))
-        objects = (value,) if one else tuple(islice(value, MOST_OBJECTS + 1))
-        wrong = [item for item in objects if not isinstance(item, MOVABLE)]
-        if not objects:
-            raise Refusal("is empty; name the parts that move, or leave objects out to move everything")
-        if wrong or len(objects) > MOST_OBJECTS:
-            hint = f"; give {wrong[0].owner.label} itself" if wrong and isinstance(wrong[0], NodeRef) else "; None: everything"
-            raise Refusal(f"must be beams, nets, bodies and point masses, got {shown(wrong[0] if wrong else objects)}{hint}")
-        return objects
+    one = isinstance(value, MOVABLE) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray))
+    objects = (value,) if one else tuple(islice(value, MOST_OBJECTS + 1))
+    wrong = [item for item in objects if not isinstance(item, MOVABLE)]
+    if not objects:
+        raise Refusal("is empty; name the parts that move, or leave objects out to move everything")
+    if wrong or len(objects) > MOST_OBJECTS:
+        hint = f"; give {wrong[0].owner.label} itself" if wrong and isinstance(wrong[0], NodeRef) else "; None: everything"
+        raise Refusal(f"must be beams, nets, bodies and point masses, got {shown(wrong[0] if wrong else objects)}{hint}")
+    return objects
 
 
 @checked(name=Name(), mass=MASS, position=Vector, velocity=Vector)
@@ -118,7 +112,7 @@ class PointMass(Named):
         return NodeRef(self)
 
 
-@checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=Rotation(), velocity=Vector, spin=Vector)
+@checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=as_rotation, velocity=Vector, spin=Vector)
 @noun
 class RigidBody(Named):
     """Rigid body: one node at the centre of mass with a body triad.
@@ -246,7 +240,7 @@ class BallJoint(_Joint):
     kind: ClassVar[str] = "ball joint"
 
 
-@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR, follower=Flag())
+@checked(name=Name(), at=Node(), force=as_steady, moment=as_steady, time=FACTOR, follower=Flag())
 @noun
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
@@ -282,7 +276,7 @@ class Load:
             raise SceneError(f"{who}: {self.at.label} has no rotation and takes no moment; use a RigidBody or leave moment out")
 
 
-@checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR, follower=Flag())
+@checked(name=Name(), beam=as_beam, force=FIELD, moment=FIELD, time=FACTOR, follower=Flag())
 @noun
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
@@ -319,12 +313,12 @@ class DistributedLoad:
         for key in ("force", "moment"):
             checks.try_field(who, key, getattr(self, key), self.beam.length)
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def force_at(self, s: Array) -> Array:
         """Return the force per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "force", _field_or_zero(self.force), s)
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def moment_at(self, s: Array) -> Array:
         """Return the moment per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "moment", _field_or_zero(self.moment), s)
@@ -334,7 +328,7 @@ def _field_or_zero(value: FieldLike | None) -> FieldLike:
     return np.zeros(3) if value is None else value
 
 
-@checked(beam=ABeam(), velocity=FIELD, spin=FIELD)
+@checked(beam=as_beam, velocity=FIELD, spin=FIELD)
 @noun
 class InitialVelocity:
     """Initial velocity (m/s) and angular velocity in space (rad/s) along a beam: 3 numbers or functions s[n] -> [n, 3].
@@ -361,18 +355,18 @@ class InitialVelocity:
         """`initial velocity of beam 'name'`."""
         return f"{self.kind} of {self.beam.label}"
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def velocity_at(self, s: Array) -> Array:
         """Return the velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "velocity", self.velocity, s)
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def spin_at(self, s: Array) -> Array:
         """Return the angular velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "spin", self.spin, s)
 
 
-@checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
+@checked(objects=as_movable, velocity=Vector, spin=Vector, about=Vector)
 @noun
 class RigidMotion:
     """Rigid motion that adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).

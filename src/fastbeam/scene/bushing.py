@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.interface.arguments import LARGEST, Name, Refusal, checked, constant, numbers, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.bodies import Node, PointMass
-from fastbeam.scene.checks import Array, ArrayField, FilledArray, Rotation, fill, noun
+from fastbeam.scene.checks import Array, ArrayField, FilledArray, as_rotation, fill, noun, symmetry
 from fastbeam.scene.links import Link
 
 # entries that couple forces and rotations, relative to those on the diagonal, that are round-off
@@ -30,21 +30,17 @@ class Matrix:
             if np.any(found < 0.0):
                 raise Refusal(f"must be six numbers >= 0 (three along the axes, three about them), got {shown(value)}")
             return constant(np.diag(found))
-        # scaled to a unit diagonal: rows have different units
-        scale = np.sqrt(np.maximum(np.diag(found), 0.0))
-        scaled = found / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
-        skew = float(np.max(np.abs(scaled - scaled.T)))
+        _, skew, least = symmetry(found)
         if skew > 1e-9:
             raise Refusal(f"must be symmetric, the matrix differs from its transpose by {skew:.3g} of its diagonal; use a "
                           "ForceElement for a bearing with cross coupling, which has no energy")
-        least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
         if least < -1e-12:
             raise Refusal(f"must not have negative eigenvalues, the smallest is {least:.3g} (after scaling to a unit diagonal)")
         return constant(0.5 * (found + found.T))
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a bushing has two sides, write one for every pair"),
-         stiffness=Matrix("stiffness"), damping=Matrix("damping"), directors=Rotation())
+         stiffness=Matrix("stiffness"), damping=Matrix("damping"), directors=as_rotation)
 @noun
 class Bushing(Link):
     """Elastic connection without mass of two points with triads, in displacement and rotation: a bushing, an elastic support.

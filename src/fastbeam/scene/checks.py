@@ -163,47 +163,41 @@ def refuse_jumps(value: Any) -> Any:
     return value
 
 
-@dataclass(frozen=True)
-class Factor:
+def as_factor(value: Any) -> TimeFactor:
     """Check of a function t -> factor; it is tried at t = 0."""
-
-    def __call__(self, value: Any) -> TimeFactor:
-        if not callable(value) or isinstance(value, type):
-            raise Refusal(f"must be a function of t that returns a number, or None, got {shown(value)}")
-        start = tried(value, 0.0, "at t = 0")
-        clean = real(start)
-        if clean is None or not abs(clean) <= LARGEST:
-            raise Refusal(f"must return a finite number at t = 0, got {shown(start)}")
-        return value
+    if not callable(value) or isinstance(value, type):
+        raise Refusal(f"must be a function of t that returns a number, or None, got {shown(value)}")
+    start = tried(value, "at t = 0", 0.0)
+    clean = real(start)
+    if clean is None or not abs(clean) <= LARGEST:
+        raise Refusal(f"must return a finite number at t = 0, got {shown(start)}")
+    return value
 
 
-def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
-    """Call a user function; if it raises an error, raise a Refusal that says so."""
+def tried(function: Callable[..., Any], where: str, *at: Any) -> Any:
+    """Call a user function; if it raises an error, raise a Refusal that says so; where: text with places for the arguments."""
     try:
-        return function(at)
+        return function(*at)
     except Exception as error:
-        text = f"must not fail, but raises {type(error).__name__} {where}: {error}"
+        text = f"must not fail, but raises {type(error).__name__} {where.format(*at)}: {error}"
         raise Refusal(f"{text:.200}") from error
 
 
-def called(who: str, what: str, function: Callable[[float], Any], t: float) -> Any:
-    """Call a user function at t. Raises SceneError: the function raised an error."""
+def called(who: str, what: str, function: Callable[..., Any], *at: Any, where: str = "at {:.6g}") -> Any:
+    """Call a user function, as `tried`. Raises SceneError: the function raised an error."""
     try:
-        return tried(function, t, f"at {t:.6g}")
+        return tried(function, where, *at)
     except Refusal as refusal:
         raise SceneError(f"{who}: {what} {refusal}") from refusal.__cause__
 
 
-@dataclass(frozen=True)
-class Field:
+def as_field(value: Any) -> Any:
     """Check of three numbers, or a function s[n] -> [n, 3]."""
-
-    def __call__(self, value: Any) -> Any:
-        if not callable(value):
-            return Vector(value)
-        if isinstance(value, type):
-            raise Refusal(f"must be 3 finite numbers or a function of s[n] that returns [n, 3], got {shown(value)}")
-        return value
+    if not callable(value):
+        return Vector(value)
+    if isinstance(value, type):
+        raise Refusal(f"must be 3 finite numbers or a function of s[n] that returns [n, 3], got {shown(value)}")
+    return value
 
 
 def try_field(who: str, what: str, value: Any, length: float) -> None:
@@ -217,10 +211,7 @@ def field_values(who: str, what: str, value: FieldLike, s: Array) -> Array:
     s = np.atleast_1d(np.asarray(s, dtype=float))
     if not callable(value):
         return np.tile(value, (s.size, 1))
-    try:
-        values = tried(value, s, f"at s = {shown(s)}")
-    except Refusal as refusal:
-        raise SceneError(f"{who}: {what}(s) {refusal}") from refusal.__cause__
+    values = called(who, f"{what}(s)", value, s, where=f"at s = {shown(s)}")
     return np.array(array(who, f"{what}(s)", values, (s.size, 3), f"finite numbers of shape [n, 3] (here [{s.size}, 3])"))
 
 
@@ -247,22 +238,32 @@ def default_triad(who: str, d1: Array, d2_hint: Any = None) -> Array:
     return triad_from(who, d1, across)
 
 
-@dataclass(frozen=True)
-class Rotation:
+def as_rotation(value: Any) -> Array:
     """Check of orthonormal right-handed rows (3, 3); input may deviate by 1e-6 and is cleaned (nearest rotation)."""
+    rows = Numbers((3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")(value)
+    defect = float(np.max(np.abs(rows @ rows.T - np.eye(3))))
+    if defect > 1e-6:
+        raise Refusal(f"must be three orthonormal rows, they deviate by {defect:.3g} (allowed: 1e-6)")
+    if np.linalg.det(rows) < 0.0:
+        raise Refusal("are left-handed; d3 must be d1 x d2")
+    exact = np.array_equal(rows @ rows.T, np.eye(3))
+    return rows if exact else constant(nearest_triads(rows))
 
-    def __call__(self, value: Any) -> Array:
-        rows = Numbers((3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")(value)
-        defect = float(np.max(np.abs(rows @ rows.T - np.eye(3))))
-        if defect > 1e-6:
-            raise Refusal(f"must be three orthonormal rows, they deviate by {defect:.3g} (allowed: 1e-6)")
-        if np.linalg.det(rows) < 0.0:
-            raise Refusal("are left-handed; d3 must be d1 x d2")
-        exact = np.array_equal(rows @ rows.T, np.eye(3))
-        left, _, right = np.linalg.svd(rows)
-        return rows if exact else constant(left @ right)
+
+def nearest_triads(directors: Array) -> Array:
+    """Return the orthonormal triads nearest to directors in rows [..., 3, 3]."""
+    u, _, v = np.linalg.svd(directors)
+    return np.asarray(u @ v)
+
+
+def symmetry(matrix: Array) -> tuple[Array, float, float]:
+    """Return a matrix whose rows have different units scaled to a unit diagonal, its largest difference from its transpose, and
+    its smallest eigenvalue."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scaled = matrix / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
+    return scaled, float(np.max(np.abs(scaled - scaled.T))), float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
 
 
 def rotation(who: str, what: str, value: Any) -> Array:
     """Return three finite orthonormal rows."""
-    return take(Rotation(), f"{who}: {what}", value)
+    return take(as_rotation, f"{who}: {what}", value)

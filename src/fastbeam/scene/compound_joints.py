@@ -25,7 +25,7 @@ from fastbeam.scene.joint_freedoms import (
     stops_of,
     times_of,
 )
-from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
+from fastbeam.scene.slider_forces import Drive, OfTime, Stops, as_drive, as_stops
 
 # largest deviation of two axes from a right angle, as the cosine of the angle
 UPRIGHT = 1e-9
@@ -236,8 +236,8 @@ class UniversalJoint(AxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=ForEach(2, "one for the swing and one for the twist", 0.0),
-         damping=ForEach(2, "one for the swing and one for the twist", 0.0), cone=SomeStops(), torque=OfTime("N m"),
-         twist=OfTime("rad"), speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), drive=ADrive(), stops=SomeStops())
+         damping=ForEach(2, "one for the swing and one for the twist", 0.0), cone=as_stops, torque=OfTime("N m"),
+         twist=OfTime("rad"), speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), drive=as_drive, stops=as_stops)
 @noun
 class SphericalJoint(OneAxisJoint):
     """Ball in a socket: two points stay together, as with `BallJoint`, and an axis that both parts carry defines swing and twist.

@@ -1,7 +1,7 @@
 """Crossings: two beams that slide on each other at one point."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,8 +12,8 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bodies import PointMass
 from fastbeam.scene.checks import ArrayField, Takes, noun
-from fastbeam.scene.paths import ATrack, Path
-from fastbeam.scene.slider_forces import AFriction, Friction
+from fastbeam.scene.paths import Path, as_track, legs_of
+from fastbeam.scene.slider_forces import Friction, as_friction
 from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.switches import Switch
 
@@ -30,20 +30,17 @@ class Knot(PointMass):
         checks.fill(self, name=name, mass=0.0, position=None, velocity=None)
 
 
-@dataclass(frozen=True)
-class TwoFrictions:
+def as_two_frictions(value: Any) -> tuple[Friction | None, Friction | None]:
     """Check of a coefficient or a Friction for both sides, or a pair of them."""
-
-    def __call__(self, value: Any) -> tuple[Friction | None, Friction | None]:
-        both = tuple(value) if isinstance(value, (tuple, list)) else (value, value)
-        if len(both) != 2:
-            raise Refusal(f"must be a coefficient >= 0 or a Friction, or a pair of them for both beams, got {shown(value)}")
-        one, other = (None if x is None else AFriction()(x) for x in both)
-        return one, other
+    both = tuple(value) if isinstance(value, (tuple, list)) else (value, value)
+    if len(both) != 2:
+        raise Refusal(f"must be a coefficient >= 0 or a Friction, or a pair of them for both beams, got {shown(value)}")
+    one, other = (None if x is None else as_friction(x) for x in both)
+    return one, other
 
 
-@checked(name=Name(), beam_a=ATrack(), beam_b=ATrack(), at=Numbers((2,), "two arc lengths (s_a, s_b), m"), curve=Word(CURVES),
-         friction=TwoFrictions())
+@checked(name=Name(), beam_a=as_track, beam_b=as_track, at=Numbers((2,), "two arc lengths (s_a, s_b), m"), curve=Word(CURVES),
+         friction=as_two_frictions)
 @noun
 class Crossing:
     """Two beams that touch at one point and slide on each other there: crossing cables (theory.md 5.10).
@@ -109,7 +106,7 @@ class Crossing:
         for beam in (self.beam_a, self.beam_b):
             if isinstance(beam, Switch):
                 raise SceneError(f"{who}: a crossing lies on a Beam or Path, not on {beam.label}; give one of its tracks")
-        own = [beam.beams if isinstance(beam, Path) else (beam,) for beam in (self.beam_a, self.beam_b)]
+        own = [legs_of(beam)[0] for beam in (self.beam_a, self.beam_b)]
         shared = [beam for beam in own[0] if any(beam is other for other in own[1])]
         if shared:
             raise SceneError(f"{who}: {shared[0].label} is on both sides; a crossing joins two different beams")

@@ -295,10 +295,8 @@ def _unit(v: Array) -> Array:
 
 
 def spline_through(who: str, points: Any, *, d2: Any = None) -> FittedCurve:
-    """Make the C2 cubic spline through points [m, 3] (not-a-knot ends, chord-length parameter), a curve in arc length.
-
-    Raises SceneError: fewer than two points, a wrong shape, values that are not finite, or equal neighbours.
-    """
+    """Make the C2 cubic spline through points [m, 3] (not-a-knot ends, chord-length parameter), a curve in arc length. Raises
+    SceneError: fewer than two points, a wrong shape, values that are not finite, or equal neighbours."""
     from scipy.interpolate import CubicSpline
 
     knots = checks.array(who, "points", points, (None, 3), "finite numbers of shape [m, 3] with m >= 2")

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,26 +10,23 @@ import numpy as np
 from fastbeam.interface.arguments import Function, Name, Number, Numbers, Refusal, checked, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.bodies import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
+from fastbeam.scene.bodies import FACTOR, ZERO, PointMass, RigidBody, TimeFactor, as_steady
 from fastbeam.scene.checks import ArrayField, Named, fill, noun
 from fastbeam.scene.nets import Net
 
 NOT_NEGATIVE = Number(least=0.0)
 
 
-@dataclass(frozen=True)
-class InAir:
+def as_in_air(value: Any) -> Any:
     """Check of a Beam, Net, RigidBody or PointMass."""
-
-    def __call__(self, value: Any) -> Any:
-        if isinstance(value, NodeRef):
-            raise Refusal(f"must be a Beam, Net, RigidBody or PointMass, got {value}; give {value.owner.label} itself")
-        if not isinstance(value, (Beam, Net, RigidBody, PointMass)):
-            raise Refusal(f"must be a Beam, Net, RigidBody or PointMass, got {shown(value)}")
-        return value
+    if isinstance(value, NodeRef):
+        raise Refusal(f"must be a Beam, Net, RigidBody or PointMass, got {value}; give {value.owner.label} itself")
+    if not isinstance(value, (Beam, Net, RigidBody, PointMass)):
+        raise Refusal(f"must be a Beam, Net, RigidBody or PointMass, got {shown(value)}")
+    return value
 
 
-@checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Steady(),
+@checked(name=Name(), on=as_in_air, normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=as_steady,
          time=FACTOR, wind=Function("(t, position, parameters, velocity)"),
          parameters=Numbers((None,), "a list of numbers for the wind"))
 @noun

@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import Function, Name, Numbers, checked, const
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node, PointMass
-from fastbeam.scene.checks import FilledArray, Rotation
+from fastbeam.scene.checks import FilledArray, as_rotation
 from fastbeam.scene.links import Link
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ DERIVATIVE = "(t, position, rotation, velocity, spin, parameters, out)"
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a force element has two ends, write one for every pair"),
-         law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"), directors=Rotation(),
+         law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"), directors=as_rotation,
          derivative=Function(DERIVATIVE))
 @dataclass(frozen=True, eq=False)
 class ForceElement(Link):

@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.interface.arguments import Refusal, numbers, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.checks import OfTimeLike
-from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops, rate_at_start
+from fastbeam.scene.slider_forces import Drive, OfTime, Stops, as_drive, as_stops, rate_at_start
 
 if TYPE_CHECKING:
     from fastbeam.scene.axis_joint import AxisJoint
@@ -228,9 +228,9 @@ def times_of(count: int, what: str, unit: str) -> SomeOf:
 
 def drives_of(count: int, what: str) -> SomeOf:
     """Return the check of drives for each coordinate."""
-    return SomeOf(count, what, ADrive(), "a Drive")
+    return SomeOf(count, what, as_drive, "a Drive")
 
 
 def stops_of(count: int, what: str) -> SomeOf:
     """Return the check of stops for each coordinate."""
-    return SomeOf(count, what, SomeStops(), "Stops")
+    return SomeOf(count, what, as_stops, "Stops")

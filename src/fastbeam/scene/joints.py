@@ -9,7 +9,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.scene.axis_joint import JOINED, ONE_AXIS, ONE_TRIAD, SIDE, Condition, OneAxisJoint
 from fastbeam.scene.checks import OfTimeLike, noun
 from fastbeam.scene.joint_freedoms import ABOUT_A, ACTING, Shape, distance_along
-from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
+from fastbeam.scene.slider_forces import Drive, OfTime, Stops, as_drive, as_stops
 
 
 def _check_pin(who: str, coefficient: float, length: float | None, radius: float | None) -> None:
@@ -28,7 +28,7 @@ def _check_pin(who: str, coefficient: float, length: float | None, radius: float
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),
          damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"), angle=OfTime("rad"),
          speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), coefficient=Number(least=0.0),
-         radius=Number(least=0.0, unit="m"), length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
+         radius=Number(least=0.0, unit="m"), length=Number(above=0.0, unit="m"), drive=as_drive, stops=as_stops)
 @noun
 class RevoluteJoint(OneAxisJoint):
     """Hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
@@ -109,7 +109,7 @@ class RevoluteJoint(OneAxisJoint):
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N/m"),
          damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"), distance=OfTime("m"),
          speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), coefficient=Number(least=0.0),
-         length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
+         length=Number(above=0.0, unit="m"), drive=as_drive, stops=as_stops)
 @noun
 class PrismaticJoint(OneAxisJoint):
     """Part b slides along an axis of a without turning: a guide, a translational joint.

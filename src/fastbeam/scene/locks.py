@@ -8,8 +8,8 @@ import numpy as np
 
 from fastbeam.interface.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.interface.errors import SceneError
-from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called_with, noun
-from fastbeam.scene.slider_forces import Place, Stops, needed_arguments
+from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called_with, noun, tried
+from fastbeam.scene.slider_forces import Stops, as_place, needed_arguments
 
 if TYPE_CHECKING:
     from fastbeam.scene.beams import Beam
@@ -42,24 +42,18 @@ class When:
 
 def truth(function: Any, t: float, s: float, rate: float) -> float | None:
     """Return the value of a condition as a number: it holds from 0 on, True is 1 and False is -1. None if it is not finite.
-
-    Raises Refusal: it takes other arguments, or fails.
-    """
+    Raises Refusal: it takes other arguments, or fails."""
     n = needed_arguments(function)
     if n != 3:
         raise Refusal(f"must take three arguments (t, s, rate), this function takes {n}")
-    try:
-        found = function(t, s, rate)
-    except Exception as error:
-        text = f"must not fail, but raises {type(error).__name__} at t = {t:.6g}, s = {s:.6g}, rate = {rate:.6g}: {error}"
-        raise Refusal(f"{text:.200}") from error
+    found = tried(function, "at t = {:.6g}, s = {:.6g}, rate = {:.6g}", t, s, rate)
     if isinstance(found, (bool, np.bool_)):
         return 1.0 if found else -1.0
     value = real(found)
     return value if value is not None and np.isfinite(value) else None
 
 
-@checked(when=When((STOP, START, END)), at=Place(), until=When())
+@checked(when=When((STOP, START, END)), at=as_place, until=When())
 @dataclass(frozen=True)
 class Lock:
     """Lock that fixes a slider where it is on its beam: a latch, a clamp, a brake. `Slider(..., lock=fb.Lock(...))`.
@@ -175,38 +169,29 @@ class OneSided:
                              "off")
 
 
-@dataclass(frozen=True)
-class AOneSided:
+def as_one_sided(value: Any) -> OneSided:
     """Check of a OneSided, or its side."""
-
-    def __call__(self, value: Any) -> OneSided:
-        if isinstance(value, OneSided):
-            return value
-        try:
-            return OneSided(Vector(value))
-        except (Refusal, SceneError):
-            raise Refusal(f"must be a direction (3 finite numbers, not all 0) or a OneSided, got {shown(value)}") from None
-
-
-@dataclass(frozen=True)
-class SomeLocks:
-    """Check of a Lock, or several that act one after the other, as a tuple."""
-
-    def __call__(self, value: Any) -> tuple[Lock, ...]:
-        locks = tuple(value) if isinstance(value, (list, tuple)) else (value,)
-        if not locks or not all(isinstance(lock, Lock) for lock in locks):
-            raise Refusal(f"must be a Lock or a list of them, as in lock=fb.Lock(until=1.0), got {shown(value)}")
-        return locks
-
-
-@dataclass(frozen=True)
-class ARelease:
-    """Check of a Release."""
-
-    def __call__(self, value: Any) -> Release:
-        if not isinstance(value, Release):
-            raise Refusal(f"must be a Release, as in release=fb.Release(1.0), got {shown(value)}")
+    if isinstance(value, OneSided):
         return value
+    try:
+        return OneSided(Vector(value))
+    except (Refusal, SceneError):
+        raise Refusal(f"must be a direction (3 finite numbers, not all 0) or a OneSided, got {shown(value)}") from None
+
+
+def as_locks(value: Any) -> tuple[Lock, ...]:
+    """Check of a Lock, or several that act one after the other, as a tuple."""
+    locks = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+    if not locks or not all(isinstance(lock, Lock) for lock in locks):
+        raise Refusal(f"must be a Lock or a list of them, as in lock=fb.Lock(until=1.0), got {shown(value)}")
+    return locks
+
+
+def as_release(value: Any) -> Release:
+    """Check of a Release."""
+    if not isinstance(value, Release):
+        raise Refusal(f"must be a Release, as in release=fb.Release(1.0), got {shown(value)}")
+    return value
 
 
 def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tuple[float, float]) -> None:

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +13,7 @@ from fastbeam.scene.beams import Beam
 from fastbeam.scene.bodies import FIELD, PointMass
 from fastbeam.scene.checks import OptionalField, Takes, noun
 from fastbeam.scene.fixed import Ground
-from fastbeam.scene.paths import ABeam
+from fastbeam.scene.paths import as_beam
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 
@@ -22,17 +21,14 @@ from fastbeam.scene.sliders import Slider
 NEAREST = 1e-3
 
 
-@dataclass(frozen=True)
-class SomeSliders:
+def as_sliders(value: Any) -> tuple[Slider, ...]:
     """Check of one Slider or Sleeve, or several, as a tuple."""
-
-    def __call__(self, value: Any) -> tuple[Slider, ...]:
-        some = tuple(value) if isinstance(value, (list, tuple)) else (value,)
-        wrong = [x for x in some if not isinstance(x, Slider)]
-        if not some or wrong:
-            what = shown(wrong[0] if wrong else value)
-            raise Refusal(f"must be a Slider or Sleeve, or several, got {what}")
-        return some
+    some = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+    wrong = [x for x in some if not isinstance(x, Slider)]
+    if not some or wrong:
+        what = shown(wrong[0] if wrong else value)
+        raise Refusal(f"must be a Slider or Sleeve, or several, got {what}")
+    return some
 
 
 def has_coulomb(slider: Slider) -> bool:
@@ -56,10 +52,8 @@ def check_acting(who: str, slider: Slider) -> None:
 
 
 def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
-    """Check that contacts are not too near to each other or to an end of their beam, and that they can reach their stops.
-
-    Raises SceneError: names the slider, and says where it may be.
-    """
+    """Check that contacts are not too near to each other or to an end of their beam, and that they can reach their stops. Raises
+    SceneError: names the slider, and says where it may be."""
     near, length = NEAREST * beam.length, beam.length
     allowed = f"moving elements need contacts between {near:.4g} and {length - near:.4g} m of {beam.label}"
     for slider in sliders:
@@ -78,7 +72,7 @@ def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
                              "apart")
 
 
-@checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
+@checked(beam=as_beam, sliders=as_sliders, velocity=FIELD, spin=FIELD)
 @noun
 class MovingMesh:
     """Beam whose elements move with sliders; their contacts are element ends at all times (theory.md 5.12).

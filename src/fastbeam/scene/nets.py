@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import Anything, Name, Word, checked, shown, w
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef, strained
-from fastbeam.scene.checks import Array, Factor, Named, TimeFactor
+from fastbeam.scene.checks import Array, Named, TimeFactor, as_factor
 from fastbeam.scene.curves import StraightLine
 from fastbeam.scene.interpolation.shapes import gll_nodes
 from fastbeam.scene.sections import Section
@@ -32,7 +32,7 @@ class NetBeam(Beam):
     index: int
 
 
-@checked(name=Name(), strain=Word(STRAINS), time=Factor(), **dict.fromkeys(TABLES, Anything()))
+@checked(name=Name(), strain=Word(STRAINS), time=as_factor, **dict.fromkeys(TABLES, Anything()))
 class Net(Named):
     """Straight beams between nodes: frames with welded nodes, cable nets with ball joints, and mixtures.
 

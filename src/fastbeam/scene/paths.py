@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, field
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -12,7 +12,7 @@ import numpy as np
 from fastbeam.interface.arguments import Flag, Name, Number, Refusal, Vector, checked, shown, whole
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import ArcLengths, Beam, NodeRef, nearest_on
+from fastbeam.scene.beams import Beam, NodeRef, as_arc_lengths, nearest_on
 from fastbeam.scene.checks import Array, Named, Takes, noun
 from fastbeam.scene.nets import Net
 
@@ -24,14 +24,11 @@ MOST_BEAMS = 10**5
 MOST_ROUNDS = 1e6
 
 
-@dataclass(frozen=True)
-class ABeam:
+def as_beam(value: Any) -> Beam:
     """Check of a Beam."""
-
-    def __call__(self, value: Any) -> Beam:
-        if not isinstance(value, Beam):
-            raise Refusal(f"must be a Beam, got {shown(value)}{_hint(value)}")
-        return value
+    if not isinstance(value, Beam):
+        raise Refusal(f"must be a Beam, got {shown(value)}{_hint(value)}")
+    return value
 
 
 def _hint(value: Any) -> str:
@@ -41,34 +38,31 @@ def _hint(value: Any) -> str:
     return "; use its beam(k)" if isinstance(value, Net) else ""
 
 
-@dataclass(frozen=True)
-class BeamsInOrder:
+def as_beams_in_order(value: Any) -> tuple[tuple[Beam, int], ...]:
     """Check of beams, or pairs (beam, 1) and (beam, -1): a list of (beam, direction)."""
-
-    def __call__(self, value: Any) -> tuple[tuple[Beam, int], ...]:
-        if isinstance(value, Beam) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray)):
-            hint = "; write [beam]" if isinstance(value, Beam) else ""
-            raise Refusal(f"must be a list of beams in their order, got {shown(value)}{hint}")
-        items = tuple(islice(value, MOST_BEAMS + 1))
-        if not items:
-            raise Refusal("is empty; name the beams in their order, as in [a, b, (c, -1)]")
-        if len(items) > MOST_BEAMS:
-            raise Refusal(f"may hold at most {MOST_BEAMS} beams")
-        return tuple(self._one(item) for item in items)
-
-    @staticmethod
-    def _one(item: Any) -> tuple[Beam, int]:
-        beam, direction = item if isinstance(item, (tuple, list)) and len(item) == 2 else (item, 1)
-        if not isinstance(beam, Beam):
-            raise Refusal(f"must be beams, or pairs (beam, -1) of those that run backwards, got {shown(item)}{_hint(beam)}")
-        sign = whole(direction)
-        if sign not in (1, -1):
-            raise Refusal(f"has {beam.label} in direction {shown(direction)}; give 1, or -1 where the path runs from its end to "
-                          "its start")
-        return beam, int(sign)
+    if isinstance(value, Beam) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray)):
+        hint = "; write [beam]" if isinstance(value, Beam) else ""
+        raise Refusal(f"must be a list of beams in their order, got {shown(value)}{hint}")
+    items = tuple(islice(value, MOST_BEAMS + 1))
+    if not items:
+        raise Refusal("is empty; name the beams in their order, as in [a, b, (c, -1)]")
+    if len(items) > MOST_BEAMS:
+        raise Refusal(f"may hold at most {MOST_BEAMS} beams")
+    return tuple(_with_direction(item) for item in items)
 
 
-@checked(name=Name(), beams=BeamsInOrder(), closed=Flag())
+def _with_direction(item: Any) -> tuple[Beam, int]:
+    beam, direction = item if isinstance(item, (tuple, list)) and len(item) == 2 else (item, 1)
+    if not isinstance(beam, Beam):
+        raise Refusal(f"must be beams, or pairs (beam, -1) of those that run backwards, got {shown(item)}{_hint(beam)}")
+    sign = whole(direction)
+    if sign not in (1, -1):
+        raise Refusal(f"has {beam.label} in direction {shown(direction)}; give 1, or -1 where the path runs from its end to "
+                      "its start")
+    return beam, int(sign)
+
+
+@checked(name=Name(), beams=as_beams_in_order, closed=Flag())
 @noun
 class Path(Named):
     """Beams end to end as one curve: sliders run from beam to beam and, where it is closed, around (theory.md 5.7).
@@ -136,7 +130,7 @@ class Path(Named):
         """Length of all beams, m; once around for a closed path."""
         return float(self.starts[-1])
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return the number of the beam, int [n], and the arc length on it [n], m, at arc lengths s[n] of the path.
 
@@ -167,7 +161,7 @@ class Path(Named):
         k, local = self.places(s)
         return self.beams[int(k[0])], float(local[0])
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def reference(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 along the path) at arc lengths s[n].
         On a beam that runs backwards d1 and d2 point against its own.
@@ -227,14 +221,16 @@ def check_path(path: Path, tolerance: float) -> None:
         raise SceneError(f"{path.label}: {one} and {other} do not meet, their distance is {gap:.6g} m; {cure}")
 
 
-@dataclass(frozen=True)
-class ATrack:
-    """Check of a Beam or Path."""
+def legs_of(track: Beam | Path) -> tuple[tuple[Beam, ...], tuple[int, ...]]:
+    """Return the beams of a track and their directions; of a beam itself, forward."""
+    return (track.beams, track.directions) if isinstance(track, Path) else ((track,), (1,))
 
-    def __call__(self, value: Any) -> Beam | Path:
-        if isinstance(value, Path):
-            return value
-        try:
-            return ABeam()(value)
-        except Refusal as refusal:
-            raise Refusal(f"{refusal} (or a Path)") from None
+
+def as_track(value: Any) -> Beam | Path:
+    """Check of a Beam or Path."""
+    if isinstance(value, Path):
+        return value
+    try:
+        return as_beam(value)
+    except Refusal as refusal:
+        raise Refusal(f"{refusal} (or a Path)") from None

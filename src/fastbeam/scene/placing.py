@@ -115,10 +115,8 @@ class Placing:
         return None
 
     def check(self, tolerance: float) -> None:
-        """Check that every mass has a position, and that all links that place it agree to within a tolerance, m.
-
-        Raises SceneError.
-        """
+        """Check that every mass has a position, and that all links that place it agree to within a tolerance, m. Raises
+        SceneError."""
         once = self._placed_once()
         for mass in self._masses:
             if mass not in once:

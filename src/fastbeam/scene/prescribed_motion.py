@@ -27,9 +27,9 @@ from fastbeam.interface.arguments import (
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node
-from fastbeam.scene.checks import Array, Named, NodeField, Rotation, UntilLike, called, noun, tried
+from fastbeam.scene.checks import Array, Named, NodeField, UntilLike, as_rotation, called, noun, tried
 from fastbeam.scene.slider_forces import FORWARD, SHORT
-from fastbeam.scene.supports import AXES, SomeAxes, Until, check_since, mask_of
+from fastbeam.scene.supports import AXES, as_axes, as_until, check_since, mask_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -75,11 +75,17 @@ def _rate(x: Array, size: float) -> Array:
     return np.where(np.abs(rate) > noise, rate, 0.0)
 
 
+def axial(turn: Array) -> Array:
+    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    x = turn - np.swapaxes(turn, -1, -2)
+    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
+
+
 def _turning(value: Any) -> tuple[Array, Array | None]:
     """Return a rotation matrix (3, 3) from a rotation vector or from itself, and the vector, None if there is none."""
     found = numbers(value)
     if found is not None and found.shape == (3, 3):
-        return np.array(Rotation()(value)), None
+        return np.array(as_rotation(value)), None
     r = _three(value)
     angle = float(np.linalg.norm(r))
     x = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
@@ -99,14 +105,14 @@ class Moving:
             raise Refusal(f"must be a function of t that returns {what}, got {shown(value)}")
         checks.refuse_jumps(value)
         try:
-            (_turning if self.turns else _Components(None))(tried(value, 0.0, "at t = 0"))
+            (_turning if self.turns else _Components(None))(tried(value, "at t = 0", 0.0))
         except Refusal as refusal:
             raise Refusal(f"at t = 0 {refusal}" if "must not fail" not in str(refusal) else str(refusal)) from refusal.__cause__
         return value
 
 
-@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
-         until=Until(), since=Until())
+@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=as_axes,
+         until=as_until, since=as_until)
 @noun
 class PrescribedMotion(Named):
     """Prescribed motion of a node as a function of time: base excitation, moving supports, displacement control in time
@@ -237,9 +243,7 @@ class PrescribedMotion(Named):
         """Return velocity, m/s, and angular velocity in space, rad/s, at time t."""
         times = t + SHORT * np.arange(5)
         places, turns = np.array([self.place(t) for t in times]), np.array([self.turn(t) for t in times])
-        relative = turns @ turns[0].T
-        spins = np.stack((relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
-                          relative[:, 1, 0] - relative[:, 0, 1]), axis=1) / 2.0
+        spins = axial(turns @ turns[0].T) / 2.0
         # differences of sin(angle) times the axis, whose first four derivatives at 0 give that of the angle
         velocity, spin = (_rate(x, size) for x, size in ((places, float(np.max(np.abs(places)))), (spins, 1.0)))
         return velocity, spin
@@ -260,10 +264,6 @@ def _at_start(value: Any) -> Array:
     if found is None or found.shape not in ((), (3,)) or not np.all(np.abs(found) <= LARGEST):
         raise Refusal(f"must be a finite number, or three, got {shown(value)}")
     return checks.constant(found)
-
-
-def _degree(value: Any) -> int | None:
-    return None if value is None else Count(0, MOST_DEGREE)(value)
 
 
 TIMES = Numbers((None,), "increasing finite numbers [n]")
@@ -328,7 +328,8 @@ class Signal:
         self._rows, self._jumps = self._curve.x, times[1:][np.diff(times) == 0.0]
 
     @classmethod
-    @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
+    @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start,
+             baseline=Count(0, MOST_DEGREE))
     def from_acceleration(cls, times: ArrayLike, acceleration: ArrayLike, *, direction: ArrayLike | None = None,
                           velocity: ArrayLike = 0.0, displacement: ArrayLike = 0.0, baseline: int | None = None) -> Signal:
         """Make the displacement, m, of accelerations on the cubic spline through a table (not-a-knot), integrated twice exactly.

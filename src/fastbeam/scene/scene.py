@@ -1,7 +1,6 @@
 """Scene: a list of parts, and every check that concerns more than one of them."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, TypeVar
 
@@ -26,7 +25,7 @@ from fastbeam.scene.bodies import (
     RigidConnection,
     RigidMotion,
 )
-from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.checks import Array, TimeFactor, as_factor
 from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
@@ -38,7 +37,7 @@ from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.placing import Placing, extent_of
 from fastbeam.scene.prescribed_motion import PrescribedMotion
-from fastbeam.scene.relations import controllers_of, referenced_nodes, owners, who
+from fastbeam.scene.relations import controllers_of, owners, referenced_nodes, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
@@ -60,25 +59,22 @@ Joint = RigidConnection | BallJoint
 P = TypeVar("P")
 
 
-@dataclass(frozen=True)
-class OnePart:
+def as_part(value: Any) -> Part:
     """Check of a part of a scene."""
-
-    def __call__(self, value: Any) -> Part:
-        if isinstance(value, NetBeam):
-            raise Refusal(f"{value.label} belongs to {value.net.label}; add the net")
-        if not isinstance(value, KINDS):
-            hint = " (Beam, RigidBody, Load, ...)"
-            if isinstance(value, (list, tuple)):
-                hint = "; unpack it: scene.add(*parts)"
-            elif isinstance(value, type):
-                hint = "; call it to make one"
-            elif isinstance(value, NodeRef):
-                hint = f"; add {value.owner.label}"
-            elif isinstance(value, Path):
-                hint = "; add its beams, and name it in its sliders: Slider(name, point, on=path, at=s)"
-            raise Refusal(f"{shown(value)} is not a part of a scene{hint}")
-        return value
+    if isinstance(value, NetBeam):
+        raise Refusal(f"{value.label} belongs to {value.net.label}; add the net")
+    if not isinstance(value, KINDS):
+        hint = " (Beam, RigidBody, Load, ...)"
+        if isinstance(value, (list, tuple)):
+            hint = "; unpack it: scene.add(*parts)"
+        elif isinstance(value, type):
+            hint = "; call it to make one"
+        elif isinstance(value, NodeRef):
+            hint = f"; add {value.owner.label}"
+        elif isinstance(value, Path):
+            hint = "; add its beams, and name it in its sliders: Slider(name, point, on=path, at=s)"
+        raise Refusal(f"{shown(value)} is not a part of a scene{hint}")
+    return value
 
 
 class Every(Generic[P]):
@@ -94,7 +90,7 @@ class Every(Generic[P]):
         raise AttributeError("parts are added by scene.add")
 
 
-@checked(parts=OnePart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
+@checked(parts=as_part, name=Name(), gravity=Vector, gravity_time=as_factor, project_velocities=Flag())
 class Scene(notebook.Parts):
     """Set of parts under one gravity.
 
@@ -160,7 +156,7 @@ class Scene(notebook.Parts):
         self._places: Placing | None = None
         self.add(*parts)
 
-    @checked(parts=OnePart())
+    @checked(parts=as_part)
     def add(self, *parts: Part) -> Scene:
         """Append parts; returns the scene.
 

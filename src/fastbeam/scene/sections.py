@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -22,34 +22,27 @@ LENGTH, FACTOR = Number(above=0.0, unit="m"), Number(above=0.0)
 MASS, INERTIA = Number(above=0.0, unit="kg/m"), Number(least=0.0, unit="kg m")
 
 
-@dataclass(frozen=True)
-class Damping:
+def as_damping(value: Any) -> float | Array:
     """Check of a retardation time, six of them, or a viscosity matrix: a number, an array (6,) or (6, 6)."""
-
-    def __call__(self, value: Any) -> float | Array:
-        found = numbers(value)
-        if found is None or found.shape not in ((), (6,), (6, 6)) or not np.all(np.abs(found) <= LARGEST):
-            raise Refusal("must be a retardation time in s, six of them, or a viscosity matrix (6, 6), finite numbers, got "
-                          f"{shown(value)}")
-        if found.ndim < 2:
-            if np.any(found < 0.0) or np.any((found != 0.0) & (found < SMALLEST)):
-                raise Refusal(f"must be a retardation time >= 0 s, got {shown(value)}; less than {SMALLEST:g} s counts as none: "
-                              "write 0")
-            return float(found) if found.ndim == 0 else constant(found)
-        # scaled to a unit diagonal, as stiffness
-        scale = np.sqrt(np.maximum(np.diag(found), 0.0))
-        scaled = found / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
-        skew = float(np.max(np.abs(scaled - scaled.T)))
-        if skew > 1e-9:
-            raise Refusal(f"a matrix must be symmetric, but differs from its transpose by {skew:.3g} of its diagonal")
-        least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
-        if least < -1e-12:
-            raise Refusal("a matrix must be positive semidefinite, because others add energy; its smallest eigenvalue is "
-                          f"{least:.3g} (after scaling to a unit diagonal)")
-        return constant(0.5 * (found + found.T))
+    found = numbers(value)
+    if found is None or found.shape not in ((), (6,), (6, 6)) or not np.all(np.abs(found) <= LARGEST):
+        raise Refusal("must be a retardation time in s, six of them, or a viscosity matrix (6, 6), finite numbers, got "
+                      f"{shown(value)}")
+    if found.ndim < 2:
+        if np.any(found < 0.0) or np.any((found != 0.0) & (found < SMALLEST)):
+            raise Refusal(f"must be a retardation time >= 0 s, got {shown(value)}; less than {SMALLEST:g} s counts as none: "
+                          "write 0")
+        return float(found) if found.ndim == 0 else constant(found)
+    _, skew, least = checks.symmetry(found)
+    if skew > 1e-9:
+        raise Refusal(f"a matrix must be symmetric, but differs from its transpose by {skew:.3g} of its diagonal")
+    if least < -1e-12:
+        raise Refusal("a matrix must be positive semidefinite, because others add energy; its smallest eigenvalue is "
+                      f"{least:.3g} (after scaling to a unit diagonal)")
+    return constant(0.5 * (found + found.T))
 
 
-DAMPING = Damping()
+DAMPING = as_damping
 MATERIAL = {"E": Number(above=0.0, unit="N/m^2"), "G": Number(above=0.0, unit="N/m^2"), "rho": Number(above=0.0, unit="kg/m^3"),
             "nu": Number(), "shear_factor": FACTOR, "damping": DAMPING, "name": Word()}
 
@@ -249,14 +242,10 @@ class Section:
         if np.any(diagonal <= 0.0):
             raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is "
                              f"{float(np.linalg.eigvalsh(0.5 * (C + C.T))[0]):.6g}")
-        # scaled to a unit diagonal: N, N m and N m^2 become comparable, definiteness is kept
-        scale = np.sqrt(diagonal)
-        scaled = C / np.outer(scale, scale)
-        skew = float(np.max(np.abs(scaled - scaled.T)))
+        scaled, skew, smallest = checks.symmetry(C)
         if skew > 1e-9:
             i, j = np.unravel_index(int(np.argmax(np.abs(scaled - scaled.T))), (6, 6))
             raise SceneError(f"{who}: C must be symmetric, C[{i},{j}]={C[i, j]:.6g} but C[{j},{i}]={C[j, i]:.6g}")
-        smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
         if smallest <= 1e-14:
             raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is {smallest:.3g} "
                              "(after scaling to a unit diagonal)")

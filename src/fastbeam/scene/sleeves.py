@@ -15,17 +15,17 @@ from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, OptionalArray, noun
 from fastbeam.scene.interpolation.averaged_curves import averaged_curve
 from fastbeam.scene.interpolation.basis import CurveBasis
-from fastbeam.scene.locks import AOneSided, ARelease, SomeLocks
-from fastbeam.scene.paths import ABeam
-from fastbeam.scene.slider_forces import ADrive, AFriction, SomeStops
+from fastbeam.scene.locks import as_locks, as_one_sided, as_release
+from fastbeam.scene.paths import as_beam
+from fastbeam.scene.slider_forces import as_drive, as_friction, as_stops
 from fastbeam.scene.sliders import CURVES, Slider
 
 # shares of the length of a beam below which means over a bore are round-off
 LEAST_BORE = 1e-7
 
 
-@checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
-         friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided(),
+@checked(name=Name(), point=Node(), beam=as_beam, on=as_beam, at=Number(), rate=Number(), curve=Word(CURVES),
+         friction=as_friction, drive=as_drive, stops=as_stops, lock=as_locks, release=as_release, one_sided=as_one_sided,
          keyed=Flag(), length=Number(least=0.0, unit="m"), key_radius=Number(above=0.0, unit="m"),
          radius=Number(above=0.0, unit="m"), axis=Vector)
 @noun

@@ -10,7 +10,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import Number, Refusal, checked, numbers, real, shown, take
 from fastbeam.interface.errors import SceneError
-from fastbeam.scene.checks import Factor, OfTimeLike, Takes, called, called_with, refuse_jumps
+from fastbeam.scene.checks import OfTimeLike, Takes, as_factor, called, called_with, refuse_jumps, tried
 
 if TYPE_CHECKING:
     from fastbeam.scene.beams import Beam
@@ -64,34 +64,28 @@ class OfTime:
         if callable(value):
             if not (self.jumps or self.unit.startswith("N")):
                 refuse_jumps(value)
-            return Factor()(value)
+            return as_factor(value)
         try:
             return Number(unit=self.unit)(value)
         except Refusal as refusal:
             raise Refusal(f"{refusal} (or a function of t)") from None
 
 
-@dataclass(frozen=True)
-class DrivingForce:
+def as_driving_force(value: Any) -> Any:
     """Check of a number, a function of time, or one of (t, s, ds/dt) that numba can compile."""
-
-    def __call__(self, value: Any) -> Any:
-        if not callable(value):
-            return OfTime("N")(value)
-        if isinstance(value, type):
-            raise Refusal(f"must be a number, a function of t or one of (t, s, rate), got {shown(value)}")
-        n = needed_arguments(value)
-        if n not in (1, 3):
-            raise Refusal(f"must take one argument (t) or three (t, s, rate), this function takes {n}")
-        if n == 1:
-            return Factor()(value)
-        try:
-            found = real(value(0.0, 0.0, 0.0))
-        except Exception as error:
-            raise Refusal(f"must not fail, but raises {type(error).__name__} at t = 0, s = 0, rate = 0: {error}"[:200]) from error
-        if found is None or not np.isfinite(found):
-            raise Refusal("must return a finite number at t = 0, s = 0, rate = 0")
-        return value
+    if not callable(value):
+        return OfTime("N")(value)
+    if isinstance(value, type):
+        raise Refusal(f"must be a number, a function of t or one of (t, s, rate), got {shown(value)}")
+    n = needed_arguments(value)
+    if n not in (1, 3):
+        raise Refusal(f"must take one argument (t) or three (t, s, rate), this function takes {n}")
+    if n == 1:
+        return as_factor(value)
+    found = real(tried(value, "at t = 0, s = 0, rate = 0", 0.0, 0.0, 0.0))
+    if found is None or not np.isfinite(found):
+        raise Refusal("must return a finite number at t = 0, s = 0, rate = 0")
+    return value
 
 
 def needed_arguments(function: Callable[..., Any]) -> int:
@@ -104,7 +98,7 @@ def needed_arguments(function: Callable[..., Any]) -> int:
     return sum(x.kind in known and x.default is inspect.Parameter.empty for x in kinds)
 
 
-@checked(position=OfTime("m", True), speed=OfTime("m/s", True), force=DrivingForce(), stiffness=Number(least=0.0, unit="N/m"),
+@checked(position=OfTime("m", True), speed=OfTime("m/s", True), force=as_driving_force, stiffness=Number(least=0.0, unit="N/m"),
          damping=Number(least=0.0, unit="N s/m"), limit=Number(above=0.0, unit="N"))
 @dataclass(frozen=True)
 class Drive:
@@ -200,23 +194,20 @@ def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
     return rate if abs(rate) > max(noise, fades * follows) else 0.0
 
 
-@dataclass(frozen=True)
-class Place:
+def as_place(value: Any) -> float | tuple[str, float]:
     """Check of an arc length, or one on a track of a Switch: (track, s) with the track or its name, kept as (name, s)."""
-
-    def __call__(self, value: Any) -> float | tuple[str, float]:
-        if not isinstance(value, (tuple, list)):
-            return LENGTH(value)
-        name = getattr(value[0], "name", value[0]) if len(value) == 2 else None
-        if not isinstance(name, str):
-            raise Refusal(f"must be an arc length, m, or (track, s) on a Switch with a track or its name, got {shown(value)}")
-        try:
-            return name, LENGTH(value[1])
-        except Refusal as refusal:
-            raise Refusal(f"of (track, s): s {refusal}") from None
+    if not isinstance(value, (tuple, list)):
+        return LENGTH(value)
+    name = getattr(value[0], "name", value[0]) if len(value) == 2 else None
+    if not isinstance(name, str):
+        raise Refusal(f"must be an arc length, m, or (track, s) on a Switch with a track or its name, got {shown(value)}")
+    try:
+        return name, LENGTH(value[1])
+    except Refusal as refusal:
+        raise Refusal(f"of (track, s): s {refusal}") from None
 
 
-@checked(start=Place(), end=Place(), stiffness=Number(above=0.0),
+@checked(start=as_place, end=as_place, stiffness=Number(above=0.0),
          restitution=Number(least=0.0, most=1.0))
 @dataclass(frozen=True)
 class Stops:
@@ -279,36 +270,27 @@ class Stops:
             raise SceneError(f"stops: start must lie before end, got {start:.6g} and {end:.6g} m")
 
 
-@dataclass(frozen=True)
-class AFriction:
+def as_friction(value: Any) -> Friction:
     """Check of a coefficient, or a Friction."""
-
-    def __call__(self, value: Any) -> Friction:
-        if isinstance(value, Friction):
-            return value
-        if real(value) is None:
-            raise Refusal(f"must be a coefficient >= 0 or a Friction, got {shown(value)}")
-        return Friction(NOT_NEGATIVE(value))
+    if isinstance(value, Friction):
+        return value
+    if real(value) is None:
+        raise Refusal(f"must be a coefficient >= 0 or a Friction, got {shown(value)}")
+    return Friction(NOT_NEGATIVE(value))
 
 
-@dataclass(frozen=True)
-class ADrive:
+def as_drive(value: Any) -> Drive:
     """Check of a Drive."""
-
-    def __call__(self, value: Any) -> Drive:
-        if not isinstance(value, Drive):
-            several = isinstance(value, (list, tuple)) and sum(isinstance(x, Drive) for x in value) > 1
-            hint = "; a slider has one drive, give the sum of both forces as force=" if several else ""
-            raise Refusal(f"must be a Drive, as in drive=fb.Drive(speed=0.5), got {shown(value)}{hint}")
-        return value
+    if not isinstance(value, Drive):
+        several = isinstance(value, (list, tuple)) and sum(isinstance(x, Drive) for x in value) > 1
+        hint = "; a slider has one drive, give the sum of both forces as force=" if several else ""
+        raise Refusal(f"must be a Drive, as in drive=fb.Drive(speed=0.5), got {shown(value)}{hint}")
+    return value
 
 
-@dataclass(frozen=True)
-class SomeStops:
+def as_stops(value: Any) -> Stops:
     """Check of Stops."""
-
-    def __call__(self, value: Any) -> Stops:
-        if not isinstance(value, Stops):
-            hint = "; write fb.Stops(start, end)" if numbers(value) is not None else ""
-            raise Refusal(f"must be Stops, got {shown(value)}{hint}")
-        return value
+    if not isinstance(value, Stops):
+        hint = "; write fb.Stops(start, end)" if numbers(value) is not None else ""
+        raise Refusal(f"must be Stops, got {shown(value)}{hint}")
+    return value

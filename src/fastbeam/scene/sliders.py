@@ -14,9 +14,9 @@ from fastbeam.scene.beams import Beam
 from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, NodeField, Takes, noun
 from fastbeam.scene.interpolation.basis import CurveBasis
-from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, SomeLocks, check_locks, check_release
-from fastbeam.scene.paths import ATrack, Path
-from fastbeam.scene.slider_forces import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
+from fastbeam.scene.locks import Lock, OneSided, Release, as_locks, as_one_sided, as_release, check_locks, check_release
+from fastbeam.scene.paths import Path, as_track, legs_of
+from fastbeam.scene.slider_forces import Drive, Friction, Stops, as_drive, as_friction, as_stops, initial_rate
 from fastbeam.scene.switches import Switch, check_places, span_of
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 CURVES = ("own", "c1")
 
 
-@checked(name=Name(), point=Node(), beam=ATrack(), on=ATrack(), at=Number(), rate=Number(), curve=Word(CURVES),
-         friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided())
+@checked(name=Name(), point=Node(), beam=as_track, on=as_track, at=Number(), rate=Number(), curve=Word(CURVES),
+         friction=as_friction, drive=as_drive, stops=as_stops, lock=as_locks, release=as_release, one_sided=as_one_sided)
 @noun
 class Slider:
     """Point that slides along a beam, or a path of several (theory.md 5), without friction by default.
@@ -101,7 +101,7 @@ class Slider:
     @property
     def beams(self) -> tuple[Beam, ...]:
         """Beams that it slides on."""
-        return self.beam.beams if isinstance(self.beam, Path) else (self.beam,)
+        return legs_of(self.beam)[0]
 
     @property
     def is_endless(self) -> bool:

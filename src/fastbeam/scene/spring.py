@@ -1,7 +1,7 @@
 """Springs and dampers along the line of two points."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from itertools import islice
 from typing import Any, ClassVar
 
@@ -19,32 +19,29 @@ INTERPOLATIONS = ("linear", "spline")
 MOST_POINTS = 100_000
 
 
-@dataclass(frozen=True)
-class Table:
+def as_table(value: Any) -> Array:
     """Check of two rows of numbers of one length: arguments that grow, and values."""
-
-    def __call__(self, value: Any) -> Array:
-        need = "must be two rows of at least 2 finite numbers each, elongations in m that grow and forces in N"
-        try:
-            rows = [] if isinstance(value, (str, bytes, dict)) else [numbers(row) for row in islice(value, 3)]
-        except Exception:          # objects that cannot be looped over
-            rows = []
-        if len(rows) != 2 or any(row is None or row.ndim != 1 for row in rows):
-            raise Refusal(f"{need}, got {shown(value)}")
-        x, y = rows
-        if x.size != y.size or not 2 <= x.size <= MOST_POINTS or not all(np.all(np.abs(row) <= LARGEST) for row in rows):
-            raise Refusal(f"{need}, got {x.size} elongations and {y.size} forces" + (
-                "" if x.size != y.size or x.size < 2 else f", finite ones of at most {LARGEST:g}, at most {MOST_POINTS} of them"))
-        back = np.flatnonzero(~(np.diff(x) > 1e-12 * np.ptp(x)))
-        if back.size:
-            k = int(back[0])
-            raise Refusal(f"{need}; elongation {k + 1} is {x[k + 1]:.6g} m after {x[k]:.6g} m")
-        return constant(np.array(rows))
+    need = "must be two rows of at least 2 finite numbers each, elongations in m that grow and forces in N"
+    try:
+        rows = [] if isinstance(value, (str, bytes, dict)) else [numbers(row) for row in islice(value, 3)]
+    except Exception:          # objects that cannot be looped over
+        rows = []
+    if len(rows) != 2 or any(row is None or row.ndim != 1 for row in rows):
+        raise Refusal(f"{need}, got {shown(value)}")
+    x, y = rows
+    if x.size != y.size or not 2 <= x.size <= MOST_POINTS or not all(np.all(np.abs(row) <= LARGEST) for row in rows):
+        raise Refusal(f"{need}, got {x.size} elongations and {y.size} forces" + (
+            "" if x.size != y.size or x.size < 2 else f", finite ones of at most {LARGEST:g}, at most {MOST_POINTS} of them"))
+    back = np.flatnonzero(~(np.diff(x) > 1e-12 * np.ptp(x)))
+    if back.size:
+        k = int(back[0])
+        raise Refusal(f"{need}; elongation {k + 1} is {x[k + 1]:.6g} m after {x[k]:.6g} m")
+    return constant(np.array(rows))
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=ENDS,
          stiffness=Number(least=0.0, unit="N/m"), length=Number(least=0.0, unit="m"), damping=Number(least=0.0, unit="N s/m"),
-         tension_only=Flag(), compression_only=Flag(), table=Table(), interpolation=Word(INTERPOLATIONS))
+         tension_only=Flag(), compression_only=Flag(), table=as_table, interpolation=Word(INTERPOLATIONS))
 @noun
 class Spring(Link):
     """Spring without mass between two points: nodes of beams, points of bodies, masses.

@@ -1,7 +1,7 @@
 """Supports: fixed nodes, all of a node or along some axes of space."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 
 from fastbeam.interface.arguments import Name, Number, Refusal, checked, shown
@@ -15,32 +15,26 @@ AXES = "xyz"
 TIME = Number(unit="s")
 
 
-@dataclass(frozen=True)
-class SomeAxes:
+def as_axes(value: Any) -> str:
     """Check of letters of axes of space, in any order."""
-
-    def __call__(self, value: Any) -> str:
-        letters = value if isinstance(value, str) else ""
-        if not letters or len(set(letters)) < len(letters) or not set(letters) <= set(AXES):
-            hint = "" if isinstance(value, str) else ("; for an oblique direction use a PlanarJoint or PrismaticJoint with "
-                                                      "GROUND, or a Slider on a stiff clamped beam")
-            raise Refusal(f"must name axes of the global frame by their letters, as in axes='yz', got {shown(value)}{hint}")
-        return letters
+    letters = value if isinstance(value, str) else ""
+    if not letters or len(set(letters)) < len(letters) or not set(letters) <= set(AXES):
+        hint = "" if isinstance(value, str) else ("; for an oblique direction use a PlanarJoint or PrismaticJoint with "
+                                                  "GROUND, or a Slider on a stiff clamped beam")
+        raise Refusal(f"must name axes of the global frame by their letters, as in axes='yz', got {shown(value)}{hint}")
+    return letters
 
 
-@dataclass(frozen=True)
-class Until:
+def as_until(value: Any) -> Any:
     """Check of a time, or a function of (t, state)."""
-
-    def __call__(self, value: Any) -> Any:
-        if callable(value) and not isinstance(value, type):
-            if needed_arguments(value) != 2:
-                raise Refusal(f"must take two arguments (t, state), this function takes {needed_arguments(value)}")
-            return value
-        try:
-            return TIME(value)
-        except Refusal:
-            raise Refusal(f"must be a finite time in s or a function of (t, state), got {shown(value)}") from None
+    if callable(value) and not isinstance(value, type):
+        if needed_arguments(value) != 2:
+            raise Refusal(f"must take two arguments (t, state), this function takes {needed_arguments(value)}")
+        return value
+    try:
+        return TIME(value)
+    except Refusal:
+        raise Refusal(f"must be a finite time in s or a function of (t, state), got {shown(value)}") from None
 
 
 def check_since(who: str, since: Any, until: Any) -> None:
@@ -54,8 +48,8 @@ def mask_of(axes: str) -> int:
     return sum(1 << AXES.index(letter) for letter in axes)
 
 
-@checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=SomeAxes(),
-         until=Until(), since=Until())
+@checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=as_axes,
+         until=as_until, since=as_until)
 @noun
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -12,9 +11,9 @@ from fastbeam.interface.arguments import Name, Number, Refusal, Vector, Word, ch
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.synonyms import known
 from fastbeam.scene import checks
-from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
+from fastbeam.scene.beams import Beam, NodeRef, as_arc_lengths
 from fastbeam.scene.checks import Array
-from fastbeam.scene.paths import ABeam, Path
+from fastbeam.scene.paths import Path, as_beam, legs_of
 from fastbeam.scene.slider_forces import needed_arguments
 
 if TYPE_CHECKING:
@@ -37,71 +36,62 @@ MEET = 1e-9
 AT_END = 1e-12
 
 
-@dataclass(frozen=True)
-class Tracks:
+def as_tracks(value: Any) -> tuple[Track, ...]:
     """Check of beams and open paths, at least two or one that leads into itself."""
-
-    def __call__(self, value: Any) -> tuple[Track, ...]:
-        if isinstance(value, (Beam, Path, str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
-            raise Refusal(f"must be a list of beams and paths, got {shown(value)}")
-        items = tuple(x if isinstance(x, Path) else ABeam()(x) for x in value)
-        if not items:
-            raise Refusal("is empty; name the beams and paths that sliders may run on")
-        for x in items:
-            if isinstance(x, Switch):
-                raise Refusal(f"holds {x.label}; give its tracks instead")
-            if isinstance(x, Path) and x.closed:
-                raise Refusal(f"contains {x.label}, which is closed and so has no end where a slider could leave it; open it at "
-                              "the switch (closed=False): its end then leads into its start")
-        names = [x.name for x in items]
-        if len(set(names)) < len(names):
-            raise Refusal("contains two tracks of the same name, which choose cannot distinguish")
-        return items
+    if isinstance(value, (Beam, Path, str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
+        raise Refusal(f"must be a list of beams and paths, got {shown(value)}")
+    items = tuple(x if isinstance(x, Path) else as_beam(x) for x in value)
+    if not items:
+        raise Refusal("is empty; name the beams and paths that sliders may run on")
+    for x in items:
+        if isinstance(x, Switch):
+            raise Refusal(f"holds {x.label}; give its tracks instead")
+        if isinstance(x, Path) and x.closed:
+            raise Refusal(f"contains {x.label}, which is closed and so has no end where a slider could leave it; open it at "
+                          "the switch (closed=False): its end then leads into its start")
+    names = [x.name for x in items]
+    if len(set(names)) < len(names):
+        raise Refusal("contains two tracks of the same name, which choose cannot distinguish")
+    return items
 
 
-@dataclass(frozen=True)
-class OneTrack:
+def as_one_track(value: Any) -> Track | str:
     """Check of a Beam, a Path or the name of one."""
-
-    def __call__(self, value: Any) -> Track | str:
-        if not isinstance(value, (Beam, Path, str)):
-            raise Refusal(f"must be one of the tracks or its name, got {shown(value)}")
-        return value
+    if not isinstance(value, (Beam, Path, str)):
+        raise Refusal(f"must be one of the tracks or its name, got {shown(value)}")
+    return value
 
 
-@dataclass(frozen=True)
-class Choice:
+def as_choice(value: Any) -> Any:
     """Check of a function of (t, state) or (t, state, slider), a mapping slider -> track, or a list of (time, track)."""
+    if isinstance(value, Mapping):
+        return {_name_of(k): _name_of(x) for k, x in value.items()}
+    if callable(value) and not isinstance(value, type):
+        n = needed_arguments(value)
+        if n not in (2, 3):
+            raise Refusal(f"must take two arguments (t, state) or three (t, state, slider), this function takes {n}")
+        return value
+    if isinstance(value, (str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
+        raise Refusal("must be a function of (t, state), a mapping {slider: track} or a list [(time, track), ...], got "
+                      f"{shown(value)}")
+    table, latest = [], -np.inf
+    for item in value:
+        pair = tuple(item) if isinstance(item, (tuple, list)) else ()
+        time = real(pair[0]) if len(pair) == 2 else None
+        if time is None or not time > latest:
+            raise Refusal(f"as a list has pairs (time, track) with growing times, got {shown(item)}")
+        table.append((time, _name_of(pair[1])))
+        latest = time
+    if not table:
+        raise Refusal("is empty; give pairs (time, track)")
+    return table
 
-    def __call__(self, value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {self._name(k): self._name(x) for k, x in value.items()}
-        if callable(value) and not isinstance(value, type):
-            n = needed_arguments(value)
-            if n not in (2, 3):
-                raise Refusal(f"must take two arguments (t, state) or three (t, state, slider), this function takes {n}")
-            return value
-        if isinstance(value, (str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
-            raise Refusal("must be a function of (t, state), a mapping {slider: track} or a list [(time, track), ...], got "
-                          f"{shown(value)}")
-        table, latest = [], -np.inf
-        for item in value:
-            pair = tuple(item) if isinstance(item, (tuple, list)) else ()
-            time = real(pair[0]) if len(pair) == 2 else None
-            if time is None or not time > latest:
-                raise Refusal(f"as a list has pairs (time, track) with growing times, got {shown(item)}")
-            table.append((time, self._name(pair[1])))
-            latest = time
-        if not table:
-            raise Refusal("is empty; give pairs (time, track)")
-        return table
 
-    @staticmethod
-    def _name(value: Any) -> str:
-        name = value if isinstance(value, str) else getattr(value, "name", None)
-        if not isinstance(name, str):
-            raise Refusal(f"names sliders and tracks, got {shown(value)}")
-        return name
+def _name_of(value: Any) -> str:
+    name = value if isinstance(value, str) else getattr(value, "name", None)
+    if not isinstance(name, str):
+        raise Refusal(f"names sliders and tracks, got {shown(value)}")
+    return name
 
 
 class Switch(Path):
@@ -152,10 +142,9 @@ class Switch(Path):
     tracks: tuple[Track, ...]
     choose: Chosen | None
 
-    @checked(name=Name(), tracks=Tracks(), choose=Choice())
+    @checked(name=Name(), tracks=as_tracks, choose=as_choice)
     def __init__(self, name: str, tracks: Iterable[Track], *, choose: ChooseLike | None = None) -> None:
-        beams = [x.beams if isinstance(x, Path) else (x,) for x in tracks]
-        signs = [x.directions if isinstance(x, Path) else (1,) for x in tracks]
+        beams, signs = zip(*map(legs_of, tracks))
         checks.fill(self, name=name, tracks=tracks, choose=choose, beams=sum(beams, ()), directions=sum(signs, ()))
         for track in tracks:
             for end in (START, END):
@@ -186,7 +175,7 @@ class Switch(Path):
         """Length of the longest track, m."""
         return self.gap
 
-    @checked(track=OneTrack())
+    @checked(track=as_one_track)
     def offset(self, track: Track | str) -> float:
         """Return the arc length of the switch at which a track begins, m.
 
@@ -204,7 +193,7 @@ class Switch(Path):
         begin, end = self.spans[k]
         return self.tracks[k], float(np.clip(s, begin, end) - begin)
 
-    @checked(track=OneTrack(), end=Word((START, END)))
+    @checked(track=as_one_track, end=Word((START, END)))
     def options(self, track: Track | str, end: str) -> tuple[str, ...]:
         """Return the names of the tracks on which a slider may go on from the end ('end') or 'start' of a track.
 
@@ -235,11 +224,11 @@ class Switch(Path):
         """Places of the start and end of every track at t = 0, [n, 2, 3]."""
         return np.array([track.reference([0.0, track.length])[0] for track in self.tracks])
 
-    @checked(s=ArcLengths())
+    @checked(s=as_arc_lengths)
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return number of the beam and arc length on it, as `Path.places`; between tracks those of the nearest end."""
         number, local = np.zeros(s.size, np.int64), np.zeros(s.size)
-        before = np.cumsum([0, *(len(x.beams) if isinstance(x, Path) else 1 for x in self.tracks)])
+        before = np.cumsum([0, *(len(legs_of(x)[0]) for x in self.tracks)])
         for i, one in enumerate(s.tolist()):
             k = span_of(self, one)
             track, at = self.tracks[k], float(np.clip(one - self.spans[k, 0], 0.0, np.diff(self.spans[k])[0]))
@@ -294,10 +283,8 @@ def stops_on(switch: Switch, stops: Stops, track: int, by: Arrival) -> tuple[flo
 
 def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks: Sequence[Lock],
                  release: Release | None) -> None:
-    """Check stops, locks and a release of a slider that starts at arc length `at` of a switch.
-
-    Raises SceneError: a place lies on none of its tracks, stops exclude the start, or no track has an end to leave it.
-    """
+    """Check stops, locks and a release of a slider that starts at arc length `at` of a switch. Raises SceneError: a place lies on
+    none of its tracks, stops exclude the start, or no track has an end to leave it."""
     places = [(f"stops: {x}", getattr(stops, x, None)) for x in (START, END)]
     for what, place in (*places, *(("lock: at", x.at) for x in locks)):
         if isinstance(place, tuple):
@@ -328,11 +315,8 @@ def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, sli
     elif isinstance(choose, list):
         found = next((name for time, name in reversed(choose) if time <= t), None)
     else:
-        try:
-            found = choose(t, state) if needed_arguments(choose) == 2 else choose(t, state, slider)
-        except Exception as error:
-            raise SceneError(f"{switch.label}: choose must not fail, but raises {type(error).__name__} at t = {t:.6g} s: {error}"
-                             ) from error
+        given = (t, state, slider)[:2 if needed_arguments(choose) == 2 else 3]
+        found = checks.called(switch.label, "choose", choose, *given, where="at t = {:.6g} s")
         found = found if isinstance(found, str) else getattr(found, "name", found)
         if found not in options:
             raise SceneError(f"{switch.label}: choose must return one of {', '.join(map(repr, options))}, but returns "
@@ -343,7 +327,5 @@ def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, sli
 def end_node(track: Track, end: str) -> NodeRef:
     """Return the node at the end or start of a track."""
     at_end = end == END
-    if isinstance(track, Beam):
-        return track.end if at_end else track.start
-    beam, sign = (track.beams[-1], track.directions[-1]) if at_end else (track.beams[0], track.directions[0])
+    beam, sign = (x[-1 if at_end else 0] for x in legs_of(track))
     return beam.end if at_end == (sign > 0) else beam.start

@@ -19,23 +19,19 @@ SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)
 DERIVATIVE = "(t, position, directors, velocity, spin, parameters, out)"
 
 
-class NodeOrBeam:
+def as_node_or_beam(value: Any) -> NodeRef | Beam:
     """Check of a node, body, point of one or mass; or a whole beam."""
-
-    def __call__(self, value: Any) -> NodeRef | Beam:
-        return value if isinstance(value, Beam) else Node()(value)
+    return value if isinstance(value, Beam) else Node()(value)
 
 
-class OfPlace:
+def as_function_of_place(value: Any) -> Any:
     """Check of a list of numbers, or a function s[n] -> [n, m]."""
-
-    def __call__(self, value: Any) -> Any:
-        if callable(value) and not isinstance(value, type):
-            return value
-        return Numbers((None,), "a list of numbers for the law, or along a beam a function of s[n] that returns [n, m]")(value)
+    if callable(value) and not isinstance(value, type):
+        return value
+    return Numbers((None,), "a list of numbers for the law, or along a beam a function of s[n] that returns [n, m]")(value)
 
 
-@checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=OfPlace(),
+@checked(name=Name(), at=as_node_or_beam, law=Function(SIGNATURE), parameters=as_function_of_place,
          dissipates=Flag(), derivative=Function(DERIVATIVE), grows=Flag())
 @noun
 class UserForce:
@@ -112,17 +108,15 @@ class UserForce:
 
 
 def numbers_of_nodes(force: UserForce) -> Array:
-    """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
-
-    Raises SceneError: the function fails, or returns something else.
-    """
+    """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal. Raises SceneError: the function
+    fails, or returns something else."""
     given: Any = force.parameters
     if not callable(given):
         return np.array(given)[None]
     assert isinstance(force.at, Beam)
     s, who = np.array(force.at.node_s), f"{checks.label(force.kind, force.name)}: parameters(s)"
     try:
-        found = tried(given, s, f"at s = {shown(s)}")
+        found = tried(given, f"at s = {shown(s)}", s)
     except Refusal as refusal:
         raise SceneError(f"{who} {refusal}") from refusal.__cause__
     return np.array(take(Numbers((s.size, None), f"finite numbers of shape [n, m] (here [{s.size}, m])"), who, found))

@@ -33,7 +33,7 @@ class OfTime:
             if self.or_number:
                 return Number(unit=self.unit)(value)
             raise Refusal(f"must be a function of t that returns a number, {self.unit}, got {shown(value)}")
-        Number(unit=self.unit)(tried(value, 0.0, "at t = 0"))
+        Number(unit=self.unit)(tried(value, "at t = 0", 0.0))
         return value
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.linalg.eigen import Pencil, SingularError, grown, lowest
-from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.factors import factoriser_for, solver_name
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.linalg.scaling import with_values
 from fastbeam.model.model import Model
@@ -160,10 +160,7 @@ class PathSolver(SlidingSolver):
     @property
     def name(self) -> str:
         """Linear solver and its number of factorisations, for the result."""
-        f = self._of_path
-        if f is None or not f.count:
-            return "SuperLU on nodes and load factor"
-        return f"PARDISO on nodes and load factor, {f.count} factorisations, {f.refused} left to SuperLU"
+        return solver_name(self._of_path, "nodes and load factor")
 
     @property
     def drives_at(self) -> tuple[float, float] | None:

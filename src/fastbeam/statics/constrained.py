@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
-from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.factors import factoriser_for, solver_name
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.maps import RowMap
@@ -42,28 +42,14 @@ class SaddleSolver(StaticSolver):
     """Newton solver for equilibria with constraints: `StaticSolver` around one sparse matrix without elimination of inner nodes,
     factored by PARDISO, or by SuperLU where PARDISO finds no reliable solution.
 
-    Parameters
-    ----------
-    model : Model
-    start : State or None
-    max_iterations : int
-        Largest number of increments of each Newton iteration.
-    held : bool [S]
-        Sliders that stay at their s.
-    at_time : float
-        Time at which drives are evaluated, s.
-    flat : bool, optional
-        Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
-    backend : {'auto', 'pardiso', 'superlu'}
-    strains : ReferenceStrains, optional
-        Those of the run, which other solvers share.
-
-    Attributes
-    ----------
-    nodes : int
-        Unknowns of the nodes, which stand first among all.
-    places : slice
-        Sliding coordinates among all unknowns; the multipliers stand behind them.
+    max_iterations: largest number of increments of each Newton iteration.
+    held: bool [S], sliders that stay at their s.
+    at_time: time at which drives are evaluated, s.
+    flat: whether to solve in the plane of the scene; default: where it has one and the start lies in it.
+    backend: {'auto', 'pardiso', 'superlu'}.
+    strains: those of the run, which other solvers share.
+    nodes: unknowns of the nodes, which stand first among all.
+    places: sliding coordinates among all unknowns; the multipliers stand behind them.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,
@@ -140,10 +126,7 @@ class SaddleSolver(StaticSolver):
     @property
     def name(self) -> str:
         """Linear solver and its number of factorisations, for the result."""
-        f = self._factoriser
-        if f is None or not f.count:
-            return "SuperLU on nodes and sliders"
-        return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
+        return solver_name(self._factoriser, "nodes and sliders")
 
     @cached_property
     def _records(self) -> tuple[Any, Any]:
@@ -207,7 +190,7 @@ class SaddleSolver(StaticSolver):
         matrix = self._matrix.of(work.blocks, equations, sliding, drag)
         right, gaps = np.zeros(self._multiplier.size), equations.gaps
         r = right[:self.nodes].reshape(n, size)
-        r[:] = work.r[:8 * n].reshape(n, 8)[:, :size]
+        r[:] = model.rows_in(work.r)
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
             r -= 2.0 * x
@@ -251,9 +234,8 @@ class SaddleSolver(StaticSolver):
     def _round_off(self, saddle: Saddle) -> Array:
         """Return the possible round-off in the residuals of the nodes [n]: from loads and contact forces, and from forces in the
         beams."""
-        size, n = len(self.core.dofs), self.core.pattern.n
-        loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
-        stiff = np.abs(saddle.matrix.diagonal()[:size * n])
+        loads = np.abs(self.core.rows_in(self._all_loads)).reshape(-1)
+        stiff = np.abs(saddle.matrix.diagonal()[:self.nodes])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
     def _size(self, nodes: Array) -> float:

@@ -2,20 +2,18 @@
 (theory.md 15)."""
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fastbeam.compile.links import Passes
 from fastbeam.dynamics.control import failure
 from fastbeam.dynamics.interrupt import Interrupts
 from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
 from fastbeam.interface.deprecation import regrouped
-from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
+from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.loop import OK, SLIDER_END, external_forces
 from fastbeam.kernels.state import State
@@ -26,14 +24,14 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer
-from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.progress import Progress
-from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.linear_response import place_events
 from fastbeam.statics.load_steps import stability
 from fastbeam.statics.moving_supports import SupportPath
+from fastbeam.statics.rows import StaticRows
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.outcome import Outcome
@@ -130,32 +128,14 @@ def relax(model: Model, *, start: State | Start | None = None, step: float | Non
     run = _Relaxation(model, at_rest, state, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
     run.held_in_space = check_supports(model, run.stepper.plane is not None, may_turn=True)
     for kind, text in notes:
-        run.buffer.event({"kind": kind, "time": 0.0, "text": text})
-    with run.interrupts:
-        try:
-            return run.go(step, most_steps, finish)
-        except ConvergenceError:
-            raise
-        except Exception as failed:
-            run.buffer.event({"kind": "failed", "time": run.t, "text": f"{type(failed).__name__}: {failed}"})
-            carry(failed, run.result)
-            raise
-        except KeyboardInterrupt as stopped:
-            run.interrupts.asked = False
-            result = run.result()
-            raise Interrupted(f"relax was interrupted after {run.steps} steps; the last shape is in .state, everything until "
-                              f"then "
-                              "in .result", result=result, state=result.state) from stopped
+        run.event(kind, 0.0, text)
+    with run.guarded(run.result, lambda: run.t, lambda: f"relax, step {run.steps}", "shape") as run.interrupts:
+        return run.go(step, most_steps, finish)
 
 
 def _way(model: Model, start: State | None, at_time: float | None) -> _SupportProgress | None:
-    """Return the path of supports that move; None where they stand at their places at the time of the loads.
-
-    Raises
-    ------
-    SceneError
-        A support of the start stands neither at its place at that time nor at its place at t = 0.
-    """
+    """Return the path of supports that move; None where they stand at their places at the time of the loads. Raises SceneError: a
+    support of the start stands neither at its place at that time nor at its place at t = 0."""
     if model.prescribed is None or at_time is None:
         return None
     begin = model.state() if start is None else start
@@ -186,13 +166,8 @@ def _at_rest(model: Model, factors: Array, way: _SupportProgress | None) -> Mode
 
 
 class _SupportProgress:
-    """Progress of supports on their path from t = 0 to their places at one time, s.
-
-    Attributes
-    ----------
-    share, size : float
-        Part of the path that is done, and that of the next step.
-    """
+    """Progress of supports on their path from t = 0 to their places at one time, s; share, size: part of the path that is done,
+    and that of the next step."""
 
     def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
         self.at_time, self.share = at_time, 0.0
@@ -236,7 +211,7 @@ class _Still(PrescribedMotions):
         return np.zeros(self._of.history_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
-class _Relaxation:
+class _Relaxation(StaticRows):
     """Damped motion from the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
@@ -247,16 +222,9 @@ class _Relaxation:
             own = State(start.q, 0.0 * start.v, start.s, start.force, start.history)
         self.stepper = Stepper(at_rest, np.ones(1), own, max_iterations, backend)
         self.stepper.core.stop(self.stepper.core_state)
+        super().__init__(model, "relax", ("energy", *observe), points, None, {"finished": False, "residual": np.inf})
         self.interrupts = Interrupts()
-        Observer(model, observe, points)
-        kinds = ("slider", "joint", "energy", *(kind for kind in observe if kind in ("section", "spring", "orientation")))
-        self.observer = Observer(model, kinds, points)
         self.meter = Observer(at_rest, ("energy",), None)
-        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
-                                     "residual": np.inf}
-        self.buffer = ResultBuffer(self.observer.header(self.info))
-        self.passes = Passes(model.lines, self.buffer.event)
-        self.begin = time.perf_counter()
         self.t = self.lost = 0.0
         self.steps = self.swings = self.iterations = 0
         self.held_in_space = True
@@ -278,20 +246,12 @@ class _Relaxation:
 
     def record(self, iterations: int, size: float) -> None:
         state = self.state()
-        row = {**self.observer.row(self.at_time, state), "iterations": iterations, "step_size": size}
-        if self.observer.needs_forces:
-            self.observer.add_forces(row, state.force)
-        self.buffer.append(row, self.t)
-        self.passes.look(state.q, self.t, f"the shape at t = {self.t:.6g} s")
-        q = state.q.reshape(-1, 4, 3)
-        self.buffer.snapshot(self.t, q[:, 0], q[:, 1:])
+        row = self.row(self.at_time, state, iterations, size, self.factors)
+        self.keep(self.t, row, state, f"the shape at t = {self.t:.6g} s")
 
     def result(self) -> Result:
-        result = self.buffer.close(self.info | {
-            "solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations, "swings": self.swings,
-            "energy_loss": self.lost, "wall_time": time.perf_counter() - self.begin})
-        result.state = self.state()
-        return result
+        return self.closed(self.state(), solver=self.stepper.linear.name, steps=self.steps, iterations=self.iterations,
+                           swings=self.swings, energy_loss=self.lost)
 
     def energies(self, state: State | None = None) -> tuple[float, float, float]:
         """Return kinetic, strain and potential energy, J: the last one of forces, moments have none."""
@@ -307,12 +267,7 @@ class _Relaxation:
 
     # --- the motion ---------------------------------------------------------------------------------------------------
     def go(self, step: float | None, most_steps: int, finish: bool) -> Result:
-        """Move until the scene rests.
-
-        Raises
-        ------
-        ConvergenceError
-        """
+        """Move until the scene rests. Raises ConvergenceError."""
         bar = Progress(1.0, f"{self.model.scene_name}: relax")
         h = self._first_step() if step is None else step
         smallest = SMALLEST * h
@@ -360,13 +315,8 @@ class _Relaxation:
             bar.close()
 
     def _step(self, h: float, smallest: float) -> tuple[Outcome | None, float]:
-        """Take a step of size h, s; where it fails or goes too far none, and return a size to try.
-
-        Raises
-        ------
-        ConvergenceError
-            The size is the smallest, or a slider has run off its beam.
-        """
+        """Take a step of size h, s; where it fails or goes too far none, and return a size to try. Raises ConvergenceError: the
+        size is the smallest, or a slider has run off its beam."""
         saved = self.stepper.save()
         # laws of forces see the time in the middle of a step
         outcome = self.stepper.advance(self.at_time - 0.5 * h, h, 1)
@@ -380,9 +330,8 @@ class _Relaxation:
             return None, h * (0.5 if outcome.status == OK else 0.25)
         if outcome.status != OK:
             error = failure(self.stepper, outcome, self.t, self.steps, h)
-            raise ConvergenceError(str(error).replace("step ", "relax: step ", 1), step=self.steps, time=self.t,
-                                   residuals=error.residuals, worst=error.worst, state=self.state(),
-                                   result=self.result()) from error.__cause__
+            raise self._error(str(error).replace("step ", "relax: step ", 1), residuals=error.residuals,
+                              worst=error.worst) from error.__cause__
         self.steps += 1
         if self.way is not None and not self.way.is_done:
             self.way.took()
@@ -456,24 +405,25 @@ class _Relaxation:
         self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
         self.info |= {"finished": True, "residual": sizes[-1]} | told
         for kind, text in texts:
-            self.buffer.event({"kind": kind, "time": self.t, "text": text})
+            self.event(kind, self.t, text)
         self.iterations += len(sizes)
         self.record(len(sizes), 0.0)
         return True
 
     def _last(self) -> Result:
-        resolution = Resolution(self.model)
-        resolution.look(self.t, self.state())
-        for event in resolution.events():
-            self.buffer.event(event)
+        self.look_at_mesh(self.t, self.state())
         return self.result()
+
+    def _error(self, text: str, **more: Any) -> ConvergenceError:
+        """Form an error with the last shape and everything until then."""
+        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result(), **more)
 
     def _stuck(self) -> ConvergenceError:
         """Form the error of a motion that has come to rest where Newton's method does not finish."""
-        text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, and the last one moved it by "
-                f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it is "
-                "in .state, everything until then in .result")
-        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
+        return self._error(
+            f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, and the last one moved it by "
+            f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it is in "
+            ".state, everything until then in .result")
 
     def _restless(self, most_steps: int) -> ConvergenceError:
         """Form the error of a scene that does not come to rest."""
@@ -482,12 +432,11 @@ class _Relaxation:
                 f"{last}. Increase most_steps, or use damping (damping= of sections, Drag(linear=)) and a run in time. Check "
                 "also that an equilibrium exists: a mechanism that a moment or a law turns for ever has none. The last shape is "
                 "in .state, everything until then in .result")
-        self.buffer.event({"kind": "stopped", "time": self.t, "text": text})
-        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
+        self.event("stopped", self.t, text)
+        return self._error(text)
 
     def _ran_off(self, slider: int) -> ConvergenceError:
         name = self.model.names["sliders"][slider]
-        return ConvergenceError(f"relax: slider {name!r} leaves its beam during relaxation, after {self.steps} steps; let the "
-                                "scene begin with it elsewhere, or lock it in solve_static(model, held=...). The last shape is "
-                                "in .state, everything until then in .result", step=self.steps, time=self.t, state=self.state(),
-                                result=self.result())
+        return self._error(f"relax: slider {name!r} leaves its beam during relaxation, after {self.steps} steps; let the scene "
+                           "begin with it elsewhere, or lock it in solve_static(model, held=...). The last shape is in .state, "
+                           "everything until then in .result")

@@ -215,7 +215,8 @@ class StaticSolver:
         kernels.begin(terms, system, 0.0)
         self.carrying.assemble(stepper, system, x)
         # increments are minus half the solution
-        stepper.work.r[:8 * len(x)].reshape(-1, 8)[:, :x.shape[1]] -= 2.0 * x
+        rows = stepper.core.rows_in(stepper.work.r)
+        rows -= 2.0 * x
         if self.linear.is_compiled:
             kernels.fill_right(terms, system)
             self.linear.begin_step()
@@ -265,12 +266,10 @@ class StaticSolver:
         directions that a planar scene cannot follow, or in its plane. None where moments leave the numbers undecided."""
         if in_plane != (self.stepper.plane is not None) or not self.stepper.pivots_everywhere:
             return self._uneliminated(in_plane).signs(factors, in_plane)
-        model, work = self.core, self.work
         self._load(factors)
         self.stepper.parts.start(0.0)
         self.stepper.assemble_anew()
-        size = len(model.dofs)
-        blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
+        blocks = self.core.blocks_in(self.work.blocks)
         return self.counts(self.linear.superlu.signs(blocks, self.has_potential(in_plane), self.hold_free))
 
     def counts(self, found: tuple[int, int] | None) -> Counts | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from fastbeam.compile.compile import Variant, compile_scene
 from fastbeam.compile.cut_beams import Acting, Along, Cut, energy_along
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider_forces import INCREMENT, POSITION
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
@@ -21,7 +22,7 @@ from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.reactions import reactions_of
-from fastbeam.statics.slider_friction import ALONG_ONLY, RESERVE
+from fastbeam.statics.slider_friction import ALONG_ONLY
 from fastbeam.statics.sliding import ROUNDS, TO_END, SlidingSolver
 from fastbeam.stepping.assembled import Equations
 
@@ -60,13 +61,8 @@ class Found(NamedTuple):
 
 class ExactSolver(SlidingSolver):
     """Solver for equilibria with beams cut at their contacts. `state` is the equilibrium on the given mesh with all sliders held
-    exactly where they are, from which a run can start; `found` has the exact one.
-
-    Raises
-    ------
-    SceneError
-        A slider has a type that is not supported.
-    """
+    exactly where they are, from which a run can start; `found` has the exact one. Raises SceneError: a slider has a type that is
+    not supported."""
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, backend: str = "auto",
                  at_time: float = 0.0) -> None:
@@ -252,7 +248,7 @@ class ExactSolver(SlidingSolver):
             # nodes go with the contacts
             saved = before._saved()
             before.move(np.asarray(sum(w * x for w, x in zip(way, found.ahead))))
-            at = State(*(x.copy() for x in before.state))
+            at = before.stepper.copy_state()
             before._restore(saved)
         else:
             at = self._given(found)
@@ -301,7 +297,8 @@ class ExactSolver(SlidingSolver):
         if not free.size:
             return Found(cut, solver, along.slope, np.zeros((0, 0)), [], stretch)
         saddle, right = solver._assembled(np.zeros(self.held.size, bool))
-        by = self._by_unknowns(solver, along, free)
+        # derivatives of the forces on the unknowns of the rows by the free s, [F, m]
+        by = (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
         bend, ahead = along.bend[np.ix_(free, free)], []
         for row in by:
             right[:] = 0.0
@@ -339,11 +336,6 @@ class ExactSolver(SlidingSolver):
                 way = np.concatenate((axes[:2] @ way[:3], axes[2:] @ way[3:]))
             along.slope[k] -= float(row[:way.size] @ way)
 
-    def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
-        """Return derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
-        from scipy import sparse
-        return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
-
     def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:
         """Return weights and distributed loads of the beams with contacts at load factors [K]."""
         model, scene = self.stepper.model, self.scene
@@ -364,7 +356,7 @@ class ExactSolver(SlidingSolver):
 
     def _given(self, found: Found) -> State:
         model, other = self.stepper.model, found.solver
-        out = State(*(x.copy() for x in self.state))
+        out = self.stepper.copy_state()
         q = out.q.reshape(-1, 4, 3)
         found.cut.bring_back(other.state.q.reshape(-1, 4, 3), other.stepper.model.numbers, model.numbers, q)
         q[:] = follow(model, q)
@@ -429,41 +421,28 @@ class ExactSolver(SlidingSolver):
         stop = exact.sliding - np.where(self.along.rubs, friction, 0.0)
         row["stop_force"] = np.where(at_stop, stop, row["stop_force"])
 
-    def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
-        if self.along is None or not self.along.rubs.any():
-            return {}
+    def _without_friction(self) -> Equations:
         assert self.found is not None
-        names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._exact_equations(self.found))}
-        return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
+        return self._exact_equations(self.found)
 
     def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
-        along, accepted, ends, on_mesh = self.along, self.found, [], super()._stick_interval(k, factors)
-        assert along is not None and accepted is not None
-        modes = [x.copy() for x in along.modes]
-        along.reserve = 0.0
-        for sign, end in zip((1, -1), on_mesh):
+        accepted, on_mesh = self.found, super()._stick_interval(k, factors)
+        assert accepted is not None
+
+        def slide(sign: int) -> tuple[int, float]:
+            end = on_mesh[int(sign < 0)]
             if not np.isfinite(end) or end == self.ends[k, int(sign < 0)]:
                 # it does not slip before the end of its beam
-                ends.append(end)
-                continue
-            along.modes.sign[:] = 0
-            along.modes.sign[k], along.modes.at_stop[k] = sign, 0
-            self.runaway = -1
-            try:
-                s, free = accepted.cut.s.copy(), np.flatnonzero(self.sliding)
-                s[k] = end
-                looked = self._moved(accepted._replace(ahead=[]), s, np.zeros(0), factors, free)
-                if looked is None:
-                    looked = self._looked_at(accepted.cut, accepted.solver, factors, free)
-                status, found = (NOT_CONVERGED, accepted) if looked is None else self._slid(looked, factors)
-                runs_off = status == SLIDER_END and self.runaway == k
-                ends.append(float(self.ends[k, int(sign < 0)] if runs_off else found.cut.s[k] if status == OK else np.nan))
-            finally:
-                for x, was in zip(along.modes, modes):
-                    x[:] = was
-        along.reserve = RESERVE
-        return ends[0], ends[1]
+                return OK, end
+            s, free = accepted.cut.s.copy(), np.flatnonzero(self.sliding)
+            s[k] = end
+            looked = self._moved(accepted._replace(ahead=[]), s, np.zeros(0), factors, free)
+            if looked is None:
+                looked = self._looked_at(accepted.cut, accepted.solver, factors, free)
+            status, found = (NOT_CONVERGED, accepted) if looked is None else self._slid(looked, factors)
+            return status, float(found.cut.s[k])
+
+        return self._where_slip_ends(k, slide)
 
     def forces_along(self) -> dict[str, float]:
         """Return the forces that hold sliders in their places along their beams, N, by name."""

@@ -20,7 +20,7 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.results.observe.observer import OBSERVED, POINTS
 from fastbeam.results.observe.resultants import span_of
 from fastbeam.results.progress import Progress
-from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.results.result import Result
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.load_steps import KEPT, LONG, LoadSteps, StaticTask
@@ -38,13 +38,7 @@ PART, MOST = 0.1, 6
 
 @dataclass(frozen=True)
 class LengthTask(StaticTask):
-    """Task of `find_lengths`, its arguments tested.
-
-    Attributes
-    ----------
-    unknown : Lengths
-    conditions : list of Condition
-    """
+    """Task of `find_lengths`, its arguments tested."""
 
     unknown: Lengths
     conditions: list[Condition]
@@ -58,31 +52,20 @@ class LengthTask(StaticTask):
 class LengthSteps(LoadSteps):
     """Steps of conditions from their first to their wanted values, with a row for each.
 
-    Parameters
-    ----------
-    task : LengthTask
-    mass : str
-        See `find_lengths`.
-
-    Raises
-    ------
-    SceneError
-        Something is held by nothing, what is observed does not exist, or the lengths do not move the conditions.
+    mass: see `find_lengths`.
+    Raises SceneError: something is held by nothing, what is observed does not exist, or the lengths do not move the conditions.
     """
 
     task: LengthTask
     solver: LengthSolver
 
     def __init__(self, task: LengthTask, mass: str) -> None:
-        super().__init__(task)
+        names = [beam.name for beam in task.unknown.beams]
+        super().__init__(task, "lengths", series={"prestrains": (len(task.conditions),)}, names={"lengths": names})
+        self.info["mass"] = mass
         # loads act in full, at their time
         self.solver.set_time(task.at_time or 0.0, 1.0)
         _check_influence(self.solver.influence(), task.unknown.beams, task.conditions)
-        self.info |= {"method": "lengths", "mass": mass}
-        header = self.observer.header(self.info)
-        header.series["prestrains"] = (len(task.conditions),)
-        header.names["lengths"] = [beam.name for beam in task.unknown.beams]
-        self.buffer = ResultBuffer(header)
         task.unknown.strains.watch(self.observer.points.sections)
 
     def _also(self) -> dict[str, Any]:
@@ -118,7 +101,6 @@ class LengthSteps(LoadSteps):
                 # none nearby: whatever equilibrium there is
                 solver.may_leap, step = True, first
             else:
-                bar.close()
                 raise self._failure(status, sizes, reached)
 
     def _judge(self) -> None:
@@ -126,7 +108,7 @@ class LengthSteps(LoadSteps):
             text = (f"at a share of {share:.6g} of the conditions no equilibrium was found nearby, and a more distant one was "
                     f"used (motion of {extent:.3g}, in sizes of the scene and rad). Lengths or sliders jump there, for example "
                     "when a slider passes an element end of a mesh that is too coarse")
-            self.buffer.event({"kind": "leap", "time": share, "text": text})
+            self.event("leap", share, text)
         super()._judge()
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
@@ -137,7 +119,8 @@ class LengthSteps(LoadSteps):
         why = ("lengths do not affect the conditions there any more, or a part can move freely" if status == SINGULAR else
                "there may be no equilibrium beyond it, or a prestrain would leave the range from -10 to 0.99")
         text = f"find_lengths: the smallest step fails at a share of {reached:.6g} of the conditions"
-        error = ConvergenceError(f"{text}, {', '.join(told[k] for k in off)}; {why}. {KEPT}{self._look_at_mesh(reached)}",
+        error = ConvergenceError(f"{text}, {', '.join(told[k] for k in off)}; {why}. {KEPT}"
+                                 + self.look_at_mesh(reached, self.solver.state),
                                  step=len(solver.history), time=reached, residuals=sizes, state=result.state, result=result)
         return solver.stepper.blamed(error, text, KEPT)
 
@@ -238,13 +221,8 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
 
 
 def _beams_of(model: Model, lengths: Any) -> list[Beam]:
-    """Return the beams whose lengths are asked for.
-
-    Raises
-    ------
-    SceneError
-        They are not in the scene, stand twice, or there are none.
-    """
+    """Return the beams whose lengths are asked for. Raises SceneError: they are not in the scene, stand twice, or there are
+    none."""
     if isinstance(lengths, (str, bytes, Mapping, Beam)) or not isinstance(lengths, Sequence) or not lengths:
         raise SceneError(f"find_lengths, lengths: must be beams or names of beams, as in ['dropper 1', 'dropper 2'], got "
                          f"{shown(lengths)}")
@@ -265,12 +243,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
 
 
 def _check_influence(found: tuple[Array, Array] | None, beams: list[Beam], conditions: list[Condition]) -> None:
-    """Refuse lengths that do not move the conditions at the start, each by itself.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse lengths that do not move the conditions at the start, each by itself. Raises SceneError."""
     if found is None:
         # without stiffness of its own, as a slack net: conditions may give it some
         return

@@ -7,6 +7,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import Anything, Numbers, checked, numbers, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.saddle import Saddle
 
 if TYPE_CHECKING:
@@ -54,8 +55,6 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
     >>> fb.force_density([(0, 0, 0), (2, 0, 0), (9, 9, 9)], [(0, 2), (1, 2)], [3.0, 1.0], pins=[0, 1]).tolist()
     [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
     """
-    from scipy import sparse
-    from scipy.sparse.csgraph import connected_components
     n = len(nodes)
     ends = _numbers_of("edges", edges, n, (None, 2))
     m = len(ends)
@@ -73,7 +72,7 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
         raise SceneError(f"force_density, edges: edge {int(np.argmax(ends[:, 0] == ends[:, 1]))} joins a node with itself")
     live = q != 0.0
     graph = sparse.coo_matrix((np.ones(int(live.sum())), (ends[live, 0], ends[live, 1])), shape=(n, n))
-    part = connected_components(graph, directed=False)[1]
+    part = sparse.csgraph.connected_components(graph, directed=False)[1]
     loose = ~np.isin(part, part[fixed])
     if loose.any():
         raise SceneError(f"force_density: no cables with a density lead from node {int(np.argmax(loose))} to a pin, so its "
@@ -101,12 +100,7 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
 
 
 def _numbers_of(what: str, value: Any, n: int, shape: tuple[int | None, ...]) -> Array:
-    """Return node numbers as an array, checked.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return node numbers as an array, checked. Raises SceneError."""
     found = numbers(value)
     fits = found is not None and found.size and found.ndim == len(shape)
     fits = fits and all(a in (None, b) for a, b in zip(shape, found.shape))

@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.inertia import Nodes, strained
 from fastbeam.model.model import Model
 
@@ -56,17 +57,9 @@ _GROUPS: WeakKeyDictionary[Model, list[_Alike]] = WeakKeyDictionary()
 class FreeMotions:
     """Motions of one model that nothing resists.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space, without elimination of inner nodes.
-    axes : float64 [3, 3], optional
-        Axes of the plane where nodes have 3 unknowns.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the motions that were found last.
+    model: Model in space, without elimination of inner nodes.
+    axes: float64 [3, 3], axes of the plane where nodes have 3 unknowns.
+    names: names of the motions that were found last.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:
@@ -140,12 +133,8 @@ class FreeMotions:
     def find(self, matrix: Callable[[], Any], q: Array) -> Array:
         """Return one unknown of every free motion [m]; `names` has their names.
 
-        Parameters
-        ----------
-        matrix : callable
-            Returns the tangent, sparse by rows [n, n]; unknowns of nodes come first.
-        q : float64 [N, 4, 3]
-            Coordinates in space.
+        matrix: returns the tangent, sparse by rows [n, n]; unknowns of nodes come first.
+        q: float64 [N, 4, 3], coordinates in space.
         """
         few = len(self.parts) <= MOST_PARTS
         if not self._may_move(q, few):
@@ -173,15 +162,10 @@ class FreeMotions:
     def spins(self, matrix: Any, q: Array, residual: Array, round_off: Callable[[], Array]) -> Array:
         """Return one unknown [m] of every spin about an axis that Newton's method may hold at any shape.
 
-        Parameters
-        ----------
-        matrix : sparse by rows [n, n]
-        q
-            See `find`.
-        residual : float64 [n]
-            Residual of the unknowns of nodes at this shape.
-        round_off : callable
-            Returns how much of the residual may be round-off, float64 [n].
+        matrix: sparse by rows [n, n].
+        q: see `find`.
+        residual: float64 [n], residual of the unknowns of nodes at this shape.
+        round_off: returns how much of the residual may be round-off, float64 [n].
         """
         if not self._may_move(q, False):
             return np.zeros(0, np.int64)
@@ -196,8 +180,8 @@ class FreeMotions:
     def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
         """Return parts that supports let move otherwise than by free spins."""
         out = []
-        for alike, spin in zip(self._alike, spins.by_part):
-            rest = _without(alike.rigid(self, q), spin)
+        for alike in self._alike:
+            rest = _without(alike.rigid(self, q), spins.of_parts(alike))
             out += [_Near(self, whole, alike, j, rest[j][:, rest[j].any(axis=0)]) for j in np.flatnonzero(rest.any(axis=(1, 2)))]
         return out
 
@@ -283,13 +267,8 @@ class _Alike:
 
 
 class _Spins:
-    """Spins of beams about their axes that supports allow, at one shape.
-
-    Attributes
-    ----------
-    free : int [m]
-        Numbers of the parts that have one, ascending, without those that were left.
-    """
+    """Spins of beams about their axes that supports allow, at one shape; free: int [m], numbers of the parts that have one,
+    ascending, without those that were left."""
 
     def __init__(self, of: FreeMotions, matrix: Any, q: Array) -> None:
         self._of, self._matrix, n = of, matrix, matrix.shape[0]
@@ -303,11 +282,9 @@ class _Spins:
         self.free = np.unique(self._part[self._part >= 0])
         self._root = np.sqrt(np.abs(matrix.diagonal()))
 
-    @property
-    def by_part(self) -> list[Array]:
-        """Spins [parts, unknowns] of parts with equally many nodes, zero where there is none."""
-        return [np.where(self._part[alike.unknowns] == alike.numbers[:, None], self._spin[alike.unknowns], 0.0)
-                for alike in self._of._alike]
+    def of_parts(self, alike: Any) -> Array:
+        """Return the spins [parts, unknowns] of parts with equally many nodes, zero where there is none."""
+        return np.where(self._part[alike.unknowns] == alike.numbers[:, None], self._spin[alike.unknowns], 0.0)
 
     @property
     def motions(self) -> list[tuple[Array, Array]]:
@@ -339,13 +316,8 @@ class _Spins:
         return np.flatnonzero(np.abs(pushed) > most)
 
     def resisted(self, slack: Array | float) -> Array:
-        """Return parts whose spins the matrix resists.
-
-        Parameters
-        ----------
-        slack : float64 [n]
-            Forces and moments that are neglected besides round-off.
-        """
+        """Return parts whose spins the matrix resists; slack: float64 [n], forces and moments that are neglected besides
+        round-off."""
         count, size, _ = self._of.nodes
         matrix, sizes = self._matrix, abs(self._matrix)
         there = type(matrix)((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
@@ -436,8 +408,6 @@ def _pivots(matrix: Any, x: Array) -> Array:
 
 def _parts(model: Model) -> list[Part]:
     """Find beams and bodies that are joined rigidly, because they share triads."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     names = model.names
     groups = [(f"beam {x['name']!r}", np.arange(x["first"], x["first"] + x["count"])) for x in names["beams"]]
     for net in names.get("nets", []):
@@ -451,8 +421,8 @@ def _parts(model: Model) -> list[Part]:
     triad = np.asarray(model.spin_root)[model.pattern.first_on_row]
     member = np.repeat(np.arange(len(groups)), [len(x) for _, x in groups])
     m, n, nodes = len(groups), model.n_nodes, np.concatenate([x for _, x in groups])
-    graph = coo_matrix((np.ones(nodes.size), (member, m + triad[nodes])), shape=(m + n, m + n))
-    which = np.unique(connected_components(graph, directed=False)[1][:m], return_inverse=True)[1]
+    graph = sparse.coo_matrix((np.ones(nodes.size), (member, m + triad[nodes])), shape=(m + n, m + n))
+    which = np.unique(sparse.csgraph.connected_components(graph, directed=False)[1][:m], return_inverse=True)[1]
     d1 = model.q0.reshape(-1, 4, 3)[:, 1]
     out = []
     for group in np.split(np.argsort(which, kind="stable"), np.cumsum(np.bincount(which))[:-1]):

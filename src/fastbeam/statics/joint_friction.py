@@ -19,7 +19,7 @@ from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.model.contact.sleeve_conditions import sections
 from fastbeam.model.contact.sleeve_twist import angle_of, numbers_of, twist_label
 from fastbeam.model.joints.constraints import ConstrainedJoint
-from fastbeam.statics.slider_friction import edges_of
+from fastbeam.statics.slider_friction import edges_of, let_go, share_left
 
 if TYPE_CHECKING:
     from fastbeam.statics.sliding import SlidingSolver
@@ -39,16 +39,10 @@ IN_VAIN, SAME = 5, 1e-6
 class JointCoordinates:
     """Coordinates of joints, R of them, with friction or rigid stops.
 
-    Attributes
-    ----------
-    values : float64 [R]
-        Initial values, rad or m.
-    stops, scales : float64 [R, 2], [R]
-        Rigid stops, infinite without, and sizes of coordinates.
-    rows : int64 [R]
-        Number of the constraint force that holds each coordinate, -1 where none does.
-    has_friction : bool [R]
-    labels : list of str
+    values: float64 [R], initial values, rad or m.
+    stops, scales: float64 [R, 2], [R], rigid stops, infinite without, and sizes of coordinates.
+    rows: int64 [R], number of the constraint force that holds each coordinate, -1 where none does.
+    has_friction: bool [R].
     """
 
     def __init__(self, solver: SlidingSolver) -> None:
@@ -172,13 +166,7 @@ def _downhill(slopes: Array, left: Array) -> tuple[Array, bool]:
 
 class StaticJoints:
     """Coordinates of joints with friction or rigid stops, and of sections with friction in their sleeves, R of them, in the
-    equilibria of a solver.
-
-    Parameters
-    ----------
-    solver : SlidingSolver
-    parts : list of JointCoordinates or SectionAngles
-    """
+    equilibria of a solver."""
 
     def __init__(self, solver: SlidingSolver, parts: list[JointCoordinates | SectionAngles]) -> None:
         self.solver, self._parts = solver, parts
@@ -213,10 +201,6 @@ class StaticJoints:
         """Return the forces and moments that hold the coordinates, N or N m, [R]."""
         return np.where(self.rows >= 0, self.solver.stepper.core_state.force[self.rows], 0.0)
 
-    def _largest_force(self) -> float:
-        """Return the largest constraint force, moments divided by the size of the scene, N."""
-        return float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
-
     def most(self) -> Array:
         """Return the largest friction under the present forces, [R]."""
         return np.concatenate([x.most() for x in self._parts])
@@ -248,14 +232,14 @@ class StaticJoints:
             if status != OK:
                 return status, sizes
             force, most = self.forces(), self.most()
-            size = ROUND_OFF * (self._largest_force() * self.solver.core.length / self.scales + most)
+            # the largest constraint force, moments divided by the size of the scene, N
+            largest = float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
+            size = ROUND_OFF * (largest * self.solver.core.length / self.scales + most)
             sticking = (sign == 0) & ~self.kept
-            back = sticking & (force > most + size) & (self.at_stop >= 0)
-            forth = sticking & (force < -most - size) & (self.at_stop <= 0)
             returned = (sign * (self.values - before) < -TINY * self.scales) & (most > 0.0) & (changes < MOST_CHANGES)
-            sign[back], sign[forth], sign[returned] = -1, 1, 0
+            let_go(sticking, force, most + size, sign, self.at_stop)
+            sign[returned] = 0
             changes[returned] += 1
-            self.at_stop[back | forth] = 0
             moving = np.flatnonzero(sign)
             if returned.any():
                 self.values[returned] = before[returned]
@@ -331,7 +315,7 @@ class StaticJoints:
         force, most = float(self.forces()[i]), float(self.most()[i])
         if force * self.at_stop[i] < 0.0:
             return 1.0
-        return 1.0 - abs(force) / most if most > 0.0 else -1.0 if force else 1.0
+        return share_left(force, most)
 
     def report(self) -> dict[str, dict[str, Any]]:
         """Report for every coordinate with friction: the force that holds it, the largest friction, and whether it sticks with

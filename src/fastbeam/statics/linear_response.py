@@ -29,14 +29,9 @@ class OutOfPlane(Exception):
 class Response(SlidingSolver):
     """Linear response of a scene at a shape on all its unknowns: those of the rows of nodes, sliding coordinates, multipliers.
 
-    Parameters
-    ----------
-    model, start, held, flat, backend, at_time, strains
-        See `SlidingSolver`.
-    factors : float64 [K]
-        Load factors.
-    load_factor : float
-        Common factor that `factors` contain.
+    model, start, held, flat, backend, at_time, strains: see `SlidingSolver`.
+    factors: float64 [K], load factors.
+    load_factor: common factor that `factors` contain.
     """
 
     def __init__(self, model: Model, start: State, held: Array, flat: bool, backend: str, at_time: float, factors: Array,
@@ -80,9 +75,9 @@ class Response(SlidingSolver):
 
     def noise(self) -> Array:
         """Return the possible round-off of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
-        length, n = self.core.length, self.core.pattern.n
+        length = self.core.length
         out = np.full(self.unknowns, NOISE * length)
-        loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
+        loads = self.core.rows_in(self._all_loads).reshape(-1)
         out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
         out[self.places] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
         return out
@@ -120,20 +115,12 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
              load_factor: float | None = None) -> Response:
     """Return the response of another scene of the family at the shape of the first, moved with its reference and along a way.
 
-    Parameters
-    ----------
-    like : Response
-        Response at the equilibrium.
-    model : Model
-        The other scene.
-    factors : float64 [K]
-        Factors of its loads.
-    way : float64 [n]
-        Derivatives of the unknowns beside the motion with the reference.
-    length : float
-        Distance along that way.
-    load_factor : float, optional
-        Factor of slider forces; default: that of the first.
+    like: response at the equilibrium.
+    model: the other scene.
+    factors: float64 [K], factors of its loads.
+    way: float64 [n], derivatives of the unknowns beside the motion with the reference.
+    length: distance along that way.
+    load_factor: factor of slider forces; default: that of the first.
     """
     state, own = like.state, like.stepper.model
     before, after = (x.q0.reshape(-1, 4, 3) for x in (own, model))
@@ -174,5 +161,5 @@ def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
         x = saddle.solve(push)
         return None if x is None else x[solver.places]
 
-    state = State(*(x.copy() for x in solver.state))
+    state = solver.stepper.copy_state()
     return rest_events(model, state, Resolution(model, solver.strains).tension(state.q), free, compliance)

@@ -45,20 +45,15 @@ def laws_grow(model: Model) -> bool:
     return any(force.grows for force in user_forces(model)) or model.blows
 
 
-def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
-    """Return the path of loads that turn and of forces by laws; grow: whether loads at one time grow from zero, or stay.
-
-    Raises
-    ------
-    SceneError
-        Between two times a law is no load that turns, or its function of time has no value to compare with.
-    """
+def law_path(model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
+    """Return the path of loads that turn and of forces by laws; grow: whether loads at one time grow from zero, or stay. Raises
+    SceneError: between two times a law is no load that turns, or its function of time has no value to compare with."""
     forces = user_forces(model)
     if not isinstance(at_time, tuple):
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
         return LawPath(0.0, 1.0, 0.0)
-    require(Analysis.TWO_TIMES, model, who)
+    require(Analysis.TWO_TIMES, model, "solve_path")
 
     def values(t: float) -> Array:
         return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])
@@ -69,8 +64,8 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
     best = max(times.tolist(), key=lambda t: float(np.min(np.abs(values(t)[size > 0.0]) / size[size > 0.0], initial=1.0)))
     at = values(best)
     if np.any((np.abs(at) < NOTHING * size) & (size > 0.0)):
-        raise SceneError(f"{who}: at_time={at_time}: time functions of loads with follower=True vanish one after another, so no "
-                         "single time gives the factors of all of them; compute one case after the other")
+        raise SceneError(f"solve_path: at_time={at_time}: time functions of loads with follower=True vanish one after another, "
+                         "so no single time gives the factors of all of them; compute one case after the other")
     counts = [x.at.basis.n_nodes if isinstance(x.at, Beam) else 1 for x in forces]
     first, change = (np.repeat(np.where(size > 0.0, x / np.where(size > 0.0, at, 1.0), 0.0), counts) for x in (a, b - a))
     return LawPath(float(best), 1.0, 0.0, (first, change))

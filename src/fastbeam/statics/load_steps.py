@@ -2,35 +2,30 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fastbeam.compile.links import Passes
 from fastbeam.dynamics.control import failure
-from fastbeam.dynamics.interrupt import Interrupts
-from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
+from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.spring_laws import SpringRows
 from fastbeam.model.model import Model
 from fastbeam.model.supports import check_supports
-from fastbeam.results.observe.observer import Observer
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.progress import Progress
-from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.exact_contact import ExactSolver, Observed
 from fastbeam.statics.linear_response import place_events
 from fastbeam.statics.load_laws import user_forces
 from fastbeam.statics.moving_supports import SupportPath
-from fastbeam.statics.reactions import reactions_of
+from fastbeam.statics.rows import StaticRows
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
 from fastbeam.stepping.outcome import Outcome
@@ -45,8 +40,6 @@ FREE = ("the tangent of this equilibrium has {} zero eigenvalue(s) {}: this is a
 # names of free motions in an event
 SHOWN = 6
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
-# quantities that `simulate` observes and that exist at rest
-RECORDED = ("energy", "spring", "orientation", "section", "reaction")
 KEPT = "The last equilibrium is in .state, everything computed in .result"
 # event of the smallest load step where supports move
 LEAP = ("load factor {:.6g}: no equilibrium was found near the one before, and a more distant one was used (by {:.3g}, in sizes "
@@ -64,33 +57,17 @@ LONG = 9
 
 @dataclass(frozen=True)
 class StaticTask:
-    """Task of `solve_static`, its arguments tested.
-
-    Attributes
-    ----------
-    model : Model
-    start : State or None
-    notes : list of (kind, text)
-        Events of the start.
-    factors : float64 [K]
-        Load factors at the time of the loads.
-    stops : list of float
-        Load factors that steps end at.
-    stays : bool [sliders]
-        Sliders that are held.
-    asked : list of int
-        Sliders whose interval of places of rest is looked for.
-    smallest_step, at_time, observe, points, max_iterations, backend, threads, raise_loads, contacts, steady
-        Arguments of `solve_static`.
-    """
+    """Task of `solve_static`, its arguments tested."""
 
     model: Model
     start: State | None
-    notes: list[tuple[str, str]]
-    factors: Array
-    stops: list[float]
-    stays: Array
-    asked: list[int]
+    notes: list[tuple[str, str]]  # events of the start
+    factors: Array  # float64 [K]: load factors at the time of the loads
+    stops: list[float]  # load factors that steps end at
+    stays: Array  # bool [sliders]: sliders that are held
+    asked: list[int]  # sliders whose interval of places of rest is looked for
+    # smallest_step, at_time, observe, points, max_iterations, backend, threads, raise_loads, contacts, steady: arguments of
+    # `solve_static`
     smallest_step: float
     at_time: float | None
     observe: Sequence[str]
@@ -103,13 +80,8 @@ class StaticTask:
     steady: Spin | Travel | None
 
     def solver(self) -> StaticSolver:
-        """Make the solver for this type of scene, at the start.
-
-        Raises
-        ------
-        SceneError
-            `contacts="exact"` does not support something in the scene.
-        """
+        """Make the solver for this type of scene, at the start. Raises SceneError: `contacts="exact"` does not support something
+        in the scene."""
         model, t = self.model, self.at_time or 0.0
         out: StaticSolver
         if self.contacts == "exact" and model.n_sliders:
@@ -150,47 +122,26 @@ def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space:
     return info, texts
 
 
-class LoadSteps:
-    """Load steps to the equilibrium, with a row for each.
+class LoadSteps(StaticRows):
+    """Load steps to the equilibrium, with a row for each. Raises SceneError: something is held by nothing, or what is observed
+    does not exist."""
 
-    Parameters
-    ----------
-    task : StaticTask
-
-    Raises
-    ------
-    SceneError
-        Something is held by nothing, or what is observed does not exist.
-    """
-
-    def __init__(self, task: StaticTask) -> None:
+    def __init__(self, task: StaticTask, method: str = "static", **more: Any) -> None:
         self.task, self.solver = task, task.solver()
         model = task.model
         self.flat = self.solver.stepper.plane is not None
         # a scene in steady motion need not be held
         self.held_in_space = task.steady is not None or check_supports(model, self.flat)
-        if not set(task.observe) <= set(RECORDED):
-            Observer(model, task.observe, task.points)  # refuses what does not exist
-        self.observed = "slider", "joint", *(kind for kind in task.observe if kind in RECORDED)
-        self.observer = Observer(model, self.observed, task.points, strains=self.solver.strains)
-        self.reactions = reactions_of(self.solver, self.observer)
-        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
-                                     **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
-        self.buffer = ResultBuffer(self.observer.header(self.info))
-        self.begin = time.perf_counter()
-        self.passes = Passes(model.lines, self.buffer.event)
+        super().__init__(model, method, task.observe, task.points, self.solver,
+                         {"contact_force": "of the equilibrium"} if model.n_sliders else {}, **more)
         for kind, text in task.notes:
-            self.buffer.event({"kind": kind, "time": 0.0, "text": text})
+            self.event(kind, 0.0, text)
 
     def find(self, load_step: float, largest_load_step: float) -> Result:
-        """Find the equilibrium, with load steps that begin with one size and stay below another.
-
-        Raises
-        ------
-        ConvergenceError, Interrupted
-        """
-        bar = Progress(1.0, f"{self.task.model.scene_name}: load")
-        with _interruptible(self.solver, self.buffer, self._finish, bar):
+        """Find the equilibrium, with load steps that begin with one size and stay below another. Raises ConvergenceError or
+        Interrupted."""
+        bar = Progress(1.0, f"{self.model.scene_name}: load")
+        with bar, self.guarded(self._finish, lambda: bar.done, lambda: f"load factor {bar.done:.6g}") as self.solver.interrupts:
             self._climb(load_step, largest_load_step, bar)
             bar.close()
             self._judge()
@@ -208,7 +159,6 @@ class LoadSteps:
             solver.interrupts.serve()
             tried += 1
             if tried > most:
-                bar.close()
                 raise self._given_up(reached, most, size)
             stop = next(level for level in task.stops if level > reached)
             size = min(step, stop - reached)
@@ -226,7 +176,7 @@ class LoadSteps:
                 solver.history.append(len(sizes))
                 self._record(target, len(sizes), size)
                 for share, extent in solver.leaps:
-                    self.buffer.event({"kind": "leap", "time": share, "text": LEAP.format(share, extent)})
+                    self.event("leap", share, LEAP.format(share, extent))
                 solver.leaps.clear()
                 bar.update(target - reached)
                 reached = target
@@ -235,10 +185,8 @@ class LoadSteps:
                 step = min(max(grown, step if size < step else 0.0), largest)
                 continue
             if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
-                bar.close()
                 raise _no_equilibrium_of_slider(solver, target, reached, self._finish())
             if not shorter:
-                bar.close()
                 if isinstance(solver.motion, SupportPath):
                     solver.motion.check_turns(reached)
                 raise self._failure(status, sizes, reached)
@@ -272,7 +220,7 @@ class LoadSteps:
     def _given_up(self, reached: float, count: int, size: float) -> ConvergenceError:
         """Form the error after `count` load steps, the last one of this size."""
         return ConvergenceError(f"{TOO_MANY.format(reached, count, size)}{KEPT}", step=len(self.solver.history), time=reached,
-                                state=State(*(x.copy() for x in self.solver.state)), result=self._finish())
+                                state=self.solver.stepper.copy_state(), result=self._finish())
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
         """Form the error of a failure with the smallest load step."""
@@ -280,7 +228,7 @@ class LoadSteps:
         failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
         error = failure(solver.stepper, failed, reached, len(solver.history))
         text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
-        coarse = self._look_at_mesh(reached)
+        coarse = self.look_at_mesh(reached, solver.state)
         if solver.unresisted:
             coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and no other force resists: lock it, reduce "
                        "its load, or add a spring")
@@ -292,7 +240,7 @@ class LoadSteps:
                                  "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
                                  f"slender than 1e6). {KEPT}",
                                  step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
-                                 state=State(*(x.copy() for x in solver.state)), result=self._finish())
+                                 state=solver.stepper.copy_state(), result=self._finish())
         return solver.stepper.blamed(error, f"load factor {reached:.6g}", KEPT)
 
     def _judge(self) -> None:
@@ -303,33 +251,26 @@ class LoadSteps:
             info |= solver.at_rest(task.asked, factors)
         if isinstance(solver, ExactSolver):
             info["force_along"] = solver.forces_along()
-        self._look_at_mesh(1.0)
+        self.look_at_mesh(1.0, solver.state)
         if isinstance(solver, SlidingSolver) and not isinstance(solver, ExactSolver):
             for event in place_events(solver, task.model):
                 self.buffer.event(event)
         told, texts = stability(solver, task.model, factors, self.held_in_space, task.steady is None)
         info |= told
         for kind, text in texts:
-            self.buffer.event({"kind": kind, "time": 1.0, "text": text})
+            self.event(kind, 1.0, text)
 
     def _record(self, factor: float, iterations: int, size: float) -> None:
         """Keep a row of the last equilibrium."""
-        task, solver, observer, t = self.task, self.solver, self.observer, self.task.at_time or 0.0
+        task, solver, t = self.task, self.solver, self.task.at_time or 0.0
         solver.count_turns()
         state = shown = solver.state
-        row = {**observer.row(t, state), "iterations": iterations, "step_size": size}
         loads = factor * task.factors if task.raise_loads else task.factors
-        if observer.needs_forces:
-            found = np.append(state.force, self.reactions.at(loads, state)) if self.reactions else state.force
-            observer.add_forces(row, found, factor)
+        row = self.row(t, state, iterations, size, loads, factor)
         if isinstance(solver, ExactSolver) and solver.found is not None:
             row |= solver.row(Observed(self.observed, task.points or {}), t, loads, factor)
             shown = solver.shown
-        self.buffer.append(row | self._also(), factor)
-        if task.model.lines is not None:
-            self.passes.look(state.q, factor, f"the load factor {factor:.6g}")
-        q = shown.q.reshape(-1, 4, 3)
-        self.buffer.snapshot(factor, q[:, 0], q[:, 1:])
+        self.keep(factor, row | self._also(), state, f"the load factor {factor:.6g}", shown)
 
     def _also(self) -> dict[str, Any]:
         """Return entries of a row besides the observed quantities."""
@@ -338,46 +279,7 @@ class LoadSteps:
     def _finish(self) -> Result:
         """Return the result so far, with the last equilibrium."""
         solver = self.solver
-        result = self.buffer.close(self.info | {"solver": solver.name, "steps": len(solver.history),
-                                                "iterations": sum(solver.history), "wall_time": time.perf_counter() - self.begin})
-        result.state = State(*(x.copy() for x in solver.state))
-        return result
-
-    def _look_at_mesh(self, factor: float) -> str:
-        """Add events where elements are too coarse for the last equilibrium; return the first as a text."""
-        resolution = Resolution(self.task.model, self.solver.strains)
-        resolution.look(factor, self.solver.state)
-        found = resolution.events()
-        for event in found:
-            self.buffer.event(event)
-        return f"; {found[0]['text']}" if found else ""
-
-
-@contextmanager
-def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
-    """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and raise Interrupted
-    with the result.
-
-    Raises
-    ------
-    Interrupted
-    """
-    try:
-        with Interrupts() as solver.interrupts:
-            yield
-    except ConvergenceError:
-        raise
-    except Exception as failed:
-        bar.close()
-        buffer.event({"kind": "failed", "time": bar.done, "text": f"{type(failed).__name__}: {failed}"})
-        carry(failed, finish)
-        raise
-    except KeyboardInterrupt as stopped:
-        bar.close()
-        text = "interrupted; the last equilibrium is in .state, everything until then in .result"
-        buffer.event({"kind": "interrupted", "time": bar.done, "text": f"at load factor {bar.done:.6g}: interrupted"})
-        result = finish()
-        raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
+        return self.closed(solver.state, solver=solver.name, steps=len(solver.history), iterations=sum(solver.history))
 
 
 def _slack(model: Model, state: State) -> str:
@@ -411,4 +313,4 @@ def _no_equilibrium_of_slider(solver: SlidingSolver, target: float, reached: flo
                 f"{why}. {what}, or lock it (held=({name!r},))")
     return ConvergenceError(
         f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
-        step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)
+        step=len(solver.history), time=reached, state=solver.stepper.copy_state(), result=result)

@@ -16,6 +16,7 @@ from fastbeam.model.connections import fixed_axes
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import turns_between
+from fastbeam.scene.prescribed_motion import axial
 
 Array = np.ndarray
 # increments of a support up to this share of its coordinates, and of 1 rad, count as round-off
@@ -35,20 +36,43 @@ class _Moving(ABC):
     it."""
 
     ahead = 0.0
+    model: Model
+    own: Array        # int64 [M]: nodes of the supports
+    moves: Array      # [M, 6]: rates of displacements and rotation vectors of supports in space by the load factor
     _size: float
-
-    @property
-    @abstractmethod
-    def moves(self) -> Array:
-        """Rates of displacements and rotation vectors of supports in space by the load factor, [M, 6]."""
+    _nodes: Array     # nodes that move, also those in the row of a support
+    _of_nodes: Array  # number of the support that each moves with
 
     @abstractmethod
     def begin(self, share: float) -> None:
         """Count turns from where supports are at this load factor."""
 
     @abstractmethod
+    def _label(self, k: int) -> str:
+        """Return the name of support k in messages."""
+
+    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
+        """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
+        of `core`. Raises SceneError: a support leaves the plane."""
+        x = np.zeros((core.pattern.n, 6 if axes is None else 3))
+        flat = given
+        if axes is not None:
+            off = _off_plane(given, axes)
+            if np.any(off > OUT_OF_PLANE * self._size):
+                raise SceneError(f"{self._label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
+                                 "planar=False")
+            flat = np.concatenate((given[:, :3] @ axes[:2].T, given[:, 3:] @ axes[2:].T), axis=1)
+        np.add.at(x, core.pattern.row_of[self.own], flat)
+        return x
+
     def moved(self, q: Array, given: Array) -> Array:
-        """Return coordinates [12 N] with the supports, and what hangs rigidly on them, moved by increments `given`."""
+        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`: position and
+        Cayley vector."""
+        out = q.reshape(-1, 4, 3).copy()
+        for node, x in zip(self._nodes, given[self._of_nodes]):
+            out[node, 0] += x[:3]
+            out[node, 1:] = turned(out[node, 1:][None], x[None, 3:])[0]
+        return follow(self.model, out).reshape(-1)
 
     def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
         """Return gaps (a function of coordinates) with the supports moved by increments `given`, with `ahead` to first order."""
@@ -64,26 +88,20 @@ class _Moving(ABC):
 class SupportPath(_Moving):
     """Supports of a model on their way from where they stand to where their functions have them at one time.
 
-    Parameters
-    ----------
-    model : Model
-        Model with supports that move; tables in space.
-    state : State
-        State at load factor 0, in space.
-    from_start : bool
-        Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
-        and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
-    at_time : float or (float, float)
-        s, at load factor 1; or at 0 and 1, between which supports follow their functions, whatever the shape.
-    who : str
-        The function that was called.
+    model: Model with supports that move; tables in space.
+    state: state at load factor 0, in space.
+    from_start: whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go
+        straight, and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
+    at_time: float or (float, float), s, at load factor 1; or at 0 and 1, between which supports follow their functions, whatever
+        the shape.
+    who: the function that was called.
     """
 
     def __init__(self, model: Model, state: State, from_start: bool, at_time: float | tuple[float, float],
                  who: str = "solve_static") -> None:
         self.of = model.prescribed
         require(Analysis.AT_TIME, model, who)
-        self.own = self.of.own
+        self.own, self._nodes, self._of_nodes = self.of.own, self.of.nodes, self.of.motion_of_node
         self._along, self._turns = fixed_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
         between = isinstance(at_time, tuple)
         self.model, self.from_start = model, from_start or between
@@ -141,12 +159,7 @@ class SupportPath(_Moving):
         return left is None or bool(np.all(np.abs(left) <= AWAY * np.repeat((self._size, 1.0), 3)))
 
     def check_stands(self, who: str, share: float, now: Array) -> None:
-        """Refuse a start whose supports stand elsewhere at this load factor.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse a start whose supports stand elsewhere at this load factor. Raises SceneError."""
         if not self.stands(share, now):
             names = ", ".join(motion.label for motion in self.of.motions[:3])
             raise SceneError(f"{who}: {names}: at the start these supports are not at the places that their functions prescribe; "
@@ -187,12 +200,7 @@ class SupportPath(_Moving):
         out[:] = self._reached.reshape(-1)
 
     def check_turns(self, reached: float) -> None:
-        """Refuse supports that turn by half a turn or more from the load factor `reached` to `share`.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse supports that turn by half a turn or more from the load factor `reached` to `share`. Raises SceneError."""
         for k in self.of.turning if self.from_start else ():
             turns_between(self.of.motions[k], [self._time_at(reached), self._time])
 
@@ -212,44 +220,26 @@ class SupportPath(_Moving):
             out += self.ahead * self.moves
         return out if out.any() else None
 
-    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
-        of `core`.
-
-        Raises
-        ------
-        SceneError
-            A support leaves the plane.
-        """
-        return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
-
-    def moved(self, q: Array, given: Array) -> Array:
-        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`."""
-        return _moved(self.model, q, self.of.nodes, given[self.of.motion_of_node])
+    def _label(self, k: int) -> str:
+        return str(self.of.motions[k].label)
 
 
 class StaticShift(_Moving):
     """Supports that are shifted with the load factor, straight, and turned, each about one axis through its node.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space.
-    moves : dict of int -> float64 (6,)
-        Increments of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
-    q : float64 [12 N]
-        The shape at the load factor `share`.
-    share : float
+    model: Model in space.
+    moves: dict of int -> float64 (6,), increments of nodes that are held along them: displacement, m, and rotation vector in
+        space, rad, at load factor 1.
+    q: float64 [12 N], the shape at the load factor `share`.
     """
 
     def __init__(self, model: Model, moves: dict[int, Array], q: Array, share: float) -> None:
         self.model, self.share, self._first = model, share, share
-        self.own, self._moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
+        self.own, self.moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
         self._start = q.reshape(-1, 4, 3)[self.own].copy()
         self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
-        self._turns = np.flatnonzero(self._moves[:, 3:].any(axis=1))
-        shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
-        self._move_of_node = shared
+        self._turns = np.flatnonzero(self.moves[:, 3:].any(axis=1))
+        self._of_nodes, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._reached = share
         # turns at the start of supports that turn by a function
         self._turned: Array | None = None
@@ -257,11 +247,6 @@ class StaticShift(_Moving):
     def begin(self, share: float) -> None:
         """Count turns from this load factor on."""
         self._reached = share
-
-    @property
-    def moves(self) -> Array:
-        """Displacements and rotation vectors at load factor 1, straight and about one axis each, [M, 6]."""
-        return self._moves
 
     def pending(self, now: Array) -> Array | None:
         """Return missing increments, see `SupportPath.pending`, with those of `ahead` added."""
@@ -288,18 +273,8 @@ class StaticShift(_Moving):
                 for j in np.flatnonzero(self.own == of.own[k]):
                     out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
 
-    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """Return increments of supports as increments of rows, see `SupportPath.rows`.
-
-        Raises
-        ------
-        SceneError
-        """
-        return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
-
-    def moved(self, q: Array, given: Array) -> Array:
-        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`."""
-        return _moved(self.model, q, self._nodes, given[self._move_of_node])
+    def _label(self, k: int) -> str:
+        return str(self.model.labels[self.own[k]])
 
 
 def _turns_left(triads: Array, now: Array) -> Array:
@@ -308,20 +283,11 @@ def _turns_left(triads: Array, now: Array) -> Array:
     turn = triads.transpose(0, 2, 1) @ now
     size = 1.0 + np.trace(turn, axis1=1, axis2=2)
     with np.errstate(divide="ignore"):
-        vector = 2.0 * _axial(turn) / size[:, None]
+        vector = 2.0 * axial(turn) / size[:, None]
     # |cayley vector| = 2 tan(angle/2)
     if np.any(np.linalg.norm(vector, axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size < 1e-3):
         return np.full_like(vector, np.nan)
     return np.where(np.abs(vector) <= ROUND_OFF, 0.0, vector)
-
-
-def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
-    """Return coordinates [12 N] with nodes [n], and what follows them, moved by position and Cayley vector [n, 6]."""
-    out = q.reshape(-1, 4, 3).copy()
-    for node, x in zip(nodes, given):
-        out[node, 0] += x[:3]
-        out[node, 1:] = turned(out[node, 1:][None], x[None, 3:])[0]
-    return follow(model, out).reshape(-1)
 
 
 def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
@@ -338,34 +304,13 @@ def coordinates_of(stepper: Any, nodes: Array) -> Array:
     return q.reshape(-1, 4, 3)[nodes] if stepper.plane is None else stepper.plane.vectors_of(q[None], nodes, True)[0]
 
 
-def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, label: Callable[[int], str]) -> Array:
-    """Return motions [M, 6] of nodes as increments of rows."""
-    x = np.zeros((core.pattern.n, 6 if axes is None else 3))
-    flat = given
-    if axes is not None:
-        off = _off_plane(given, axes)
-        if np.any(off > OUT_OF_PLANE * size):
-            raise SceneError(f"{label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
-                             "planar=False")
-        flat = np.concatenate((given[:, :3] @ axes[:2].T, given[:, 3:] @ axes[2:].T), axis=1)
-    np.add.at(x, core.pattern.row_of[own], flat)
-    return x
-
-
 def _off_plane(given: Array, axes: Array) -> Array:
     """Return the sizes of the parts of motions [M, 6] out of a plane, [M]."""
     return np.asarray(np.abs(given[:, :3] @ axes[2]) + np.abs(given[:, 3:] @ axes[:2].T).sum(axis=1))
 
 
 class Carrying:
-    """Assembly of an iteration that moves the scene of a stepper along with its supports.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    own : int [M]
-        Nodes that are moved.
-    """
+    """Assembly of an iteration that moves the scene of a stepper along with its supports; own: int [M], nodes that are moved."""
 
     def __init__(self, stepper: Any, own: Array) -> None:
         core = stepper.core
@@ -381,16 +326,9 @@ class Carrying:
         those of held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
         work, size = stepper.work, x.shape[1]
         kernels.assemble_all(*self.free.on(system), 0.0)
-        blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
-        r = work.r[:8 * len(x)].reshape(-1, 8)[:, :size]
-        np.add.at(r, self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
+        blocks = stepper.core.blocks_in(work.blocks)[self.block, :, :size]
+        np.add.at(stepper.core.rows_in(work.r), self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
         kernels.assemble_some(*self.held.on(system), 0.0)
-
-
-def _axial(turn: Array) -> Array:
-    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
-    x = turn - np.swapaxes(turn, -1, -2)
-    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
 
 
 def _vector(turn: Array) -> Array:

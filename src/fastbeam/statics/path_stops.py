@@ -35,13 +35,7 @@ class Wanted(NamedTuple):
 
 def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: str = "solve_path, stop") -> list[Wanted]:
     """Return the quantities and values that `stop=` of `solve_path`, or a similar argument, asks for; who: the function and the
-    argument.
-
-    Raises
-    ------
-    SceneError
-        It is no mapping of quantities to finite numbers, or a quantity does not exist.
-    """
+    argument. Raises SceneError: it is no mapping of quantities to finite numbers, or a quantity does not exist."""
     if stop is None:
         return []
     if not isinstance(stop, Mapping) or not stop:
@@ -57,12 +51,7 @@ def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: 
 
 
 def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) -> tuple[str, Callable[[State], float], Any]:
-    """Return name and function of a quantity, and its section.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return name and function of a quantity, and its section. Raises SceneError."""
     if callable(what):
         name = getattr(what, "__name__", "function")
         try:

@@ -53,25 +53,28 @@ class Modes(NamedTuple):
     changes: Array  # int64 [S]: how often a slider has changed from slipping to sticking in this load step
 
 
+def let_go(resting: Array, force: Array, most: Array, sign: Array, at_stop: Array) -> None:
+    """Let coordinates that rest, bool [n], slip where the force that holds them is larger than the most that friction can exert,
+    and does not push them against their stops; write that into their directions `sign` and into `at_stop`."""
+    back = resting & (force > most) & (at_stop >= 0)
+    forth = resting & (force < -most) & (at_stop <= 0)
+    sign[back], sign[forth] = -1, 1
+    at_stop[back | forth] = 0
+
+
+def share_left(force: float, most: float) -> float:
+    """Return the share of friction that is left beside a force that it holds; negative where it cannot."""
+    return 1.0 - abs(force) / most if most > 0.0 else -1.0 if force else 1.0
+
+
 class StaticAlong:
     """Forces along the beam on S sliders, at least one of which has such forces.
 
-    Parameters
-    ----------
-    model : Model
-    at_time : float
-        Time of functions of time, s.
-    s : float64 [S]
-        Places of sliders at load factor 0, m.
-    held : bool [S]
-        Sliders that stay at their s, with whatever force that takes.
-    history : float64
-        History of the state.
-
-    Raises
-    ------
-    SceneError
-        A drive prescribes a place beyond the end of its beam, or returns no finite number.
+    at_time: time of functions of time, s.
+    s: float64 [S], places of sliders at load factor 0, m.
+    held: bool [S], sliders that stay at their s, with whatever force that takes.
+    history: history of the state.
+    Raises SceneError: a drive prescribes a place beyond the end of its beam, or returns no finite number.
     """
 
     def __init__(self, model: Model, at_time: float, s: Array, held: Array, history: Array) -> None:
@@ -151,13 +154,10 @@ class StaticAlong:
         slack = ROUND_OFF * (np.linalg.norm(equations.tangent, axis=1) * equations.size + np.abs(self.known(s)[0]))
         before = sign.copy(), at_stop.copy()
         resting = ~self.held & (sign == 0) & (self.rubs | (at_stop != 0))
-        back = resting & (needed > most + slack) & (at_stop >= 0)
-        forth = resting & (needed < -most - slack) & (at_stop <= 0)
         returned = (sign != 0) & (sign * (s - self.before) < -BACK * self.lengths)
         self.in_circles = bool(np.any(returned & (changes >= MOST_CHANGES)))
         returned &= changes < MOST_CHANGES
-        sign[back], sign[forth] = -1, 1
-        at_stop[back | forth] = 0
+        let_go(resting, needed, most + slack, sign, at_stop)
         sign[~self.rubs] = 0
         sign[returned] = 0
         changes[returned] += 1

@@ -8,6 +8,7 @@ then (`slider_friction.py`).
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from fastbeam.linalg.saddle import Saddle
 from fastbeam.statics.constrained import SaddleSolver
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.slider_friction import RESERVE
+from fastbeam.stepping.assembled import Equations
 
 Array = np.ndarray
 # a slider moves by this share of its beam at once, and goes this share of the way to an end of it
@@ -39,24 +41,30 @@ class SlidingSolver(SaddleSolver):
     """Solver for equilibria whose sliders move to where no force pushes them along their beams."""
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
-        before = self._saved()
+        before, status = self.kept(), NOT_CONVERGED
         self.stepper.forget_failures()
-        at_stop = None if self.along is None else self.along.modes.at_stop.copy()
-        joints = None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy())
-        status = NOT_CONVERGED
         try:
             self._led = None
             status, sizes = self._equilibrium(factors)
-            if status == OK and self._leaps(before[0], factors):
+            if status == OK and self._leaps(before[0][0], factors):
                 status = NOT_CONVERGED
         finally:
             if status != OK:
-                self._restore(before)
-                if self.along is not None:
-                    self.along.modes.at_stop[:] = at_stop
-                if self.joints is not None:
-                    self.joints.values, self.joints.at_stop = joints
+                self.take_back(before)
         return status, sizes
+
+    def kept(self) -> tuple[Any, ...]:
+        """Return everything that a later equilibrium depends on."""
+        return (self._saved(), None if self.along is None else self.along.modes.at_stop.copy(),
+                None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy()))
+
+    def take_back(self, kept: tuple[Any, ...]) -> None:
+        """Return to what `kept` returned."""
+        self._restore(kept[0])
+        if self.along is not None:
+            self.along.modes.at_stop[:] = kept[1]
+        if self.joints is not None:
+            self.joints.values, self.joints.at_stop = (x.copy() for x in kept[2])
 
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         if self.turns_too_far:
@@ -114,30 +122,44 @@ class SlidingSolver(SaddleSolver):
         if self.along is None or not self.along.rubs.any():
             return {"friction": of_joints} if of_joints else {}
         names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._of_constraints(rubs=False)) | of_joints}
+        out = {"friction": self.along.report(names, self._without_friction()) | of_joints}
         return out | ({"rest_intervals": {names[k]: self._stick_interval(k, factors) for k in asked}} if asked else {})
+
+    def _without_friction(self) -> Equations:
+        """Evaluate the equations of the constraints at the last equilibrium, without friction."""
+        return self._of_constraints(rubs=False)
 
     def _stick_interval(self, k: int, factors: Array) -> tuple[float, float]:
         """Find the arc lengths between which slider k rests under load factors [K] by its friction, the others with friction
         staying where they are: from the last equilibrium to both ends, where friction is fully used; NaN where none is found. The
         state is the same after it."""
-        along, state = self.along, self.stepper.core_state
-        assert along is not None
         self._load(factors)
         self._loads[:] = self.work.f_ext
-        before, modes = self._saved(), [x.copy() for x in along.modes]
-        along.reserve, found = 0.0, []
+        before = self._saved()
+
+        def slide(sign: int) -> tuple[int, float]:
+            try:
+                return self._release()[0], float(self.stepper.core_state.s[k])
+            finally:
+                self._restore(before)
+
+        return self._where_slip_ends(k, slide)
+
+    def _where_slip_ends(self, k: int, slide: Callable[[int], tuple[int, float]]) -> tuple[float, float]:
+        """Return where slider k comes to rest with friction pushing it towards its last and its first place, NaN where nothing is
+        found. slide: returns, by the sign of the friction, a status and the arc length there."""
+        along, found = self.along, []
+        assert along is not None
+        modes, along.reserve = [x.copy() for x in along.modes], 0.0
         for sign in (1, -1):
             along.modes.sign[:] = 0
             along.modes.sign[k], along.modes.at_stop[k] = sign, 0
-            # friction pushes towards the end that is looked for
             self.runaway = -1
             try:
-                status, _ = self._release()
+                status, s = slide(sign)
                 runs_off = status == SLIDER_END and self.runaway == k
-                found.append(float(self.ends[k, int(sign < 0)] if runs_off else state.s[k] if status == OK else np.nan))
+                found.append(float(self.ends[k, int(sign < 0)]) if runs_off else s if status == OK else np.nan)
             finally:
-                self._restore(before)
                 for x, was in zip(along.modes, modes):
                     x[:] = was
         along.reserve = RESERVE
@@ -231,18 +253,11 @@ class _Descent:
     """Free sliders on their way downhill, the rest of the scene following in equilibrium. What goes on returns a status where the
     way ends, else None.
 
-    Attributes
-    ----------
-    sizes : list of float
-        Of the increments.
-    drag, trust : float
-        By how much increments are kept from going uphill; share of an increment that is taken.
-    near : float
-        Increments up to this share of the beams are tried as those of Newton's method.
-    beyond : float64 [S]
-        Places that lay too far, from where the sliders came; NaN: none is known.
-    is_probed : bool
-        Whether a step was taken since Newton's method failed close by.
+    sizes: of the increments.
+    drag, trust: by how much increments are kept from going uphill; share of an increment that is taken.
+    near: increments up to this share of the beams are tried as those of Newton's method.
+    beyond: float64 [S], places that lay too far, from where the sliders came; NaN: none is known.
+    is_probed: whether a step was taken since Newton's method failed close by.
     """
 
     def __init__(self, solver: SlidingSolver) -> None:

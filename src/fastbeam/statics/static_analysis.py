@@ -44,12 +44,7 @@ CONTACTS = ("mesh", "exact")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
-    """Check that an argument is True, False, a name or names of sliders.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check that an argument is True, False, a name or names of sliders. Raises Refusal."""
     need = "must be True (all), False (none), or names of sliders, as in ('ring',)"
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
@@ -183,13 +178,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
 def _more_stable(task: StaticTask, found: Result, load_step: float, largest: float) -> Result:
     """Return that of two equilibria with fewer unstable directions: `found`, or one that smaller load steps lead to. A large step
-    may end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
-
-    Raises
-    ------
-    Interrupted
-        By Ctrl-C; carries the first.
-    """
+    may end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first. Raises Interrupted: by
+    Ctrl-C; carries the first."""
     try:
         again = LoadSteps(task).find(load_step, largest)
     except ConvergenceError:
@@ -208,13 +198,8 @@ def _more_stable(task: StaticTask, found: Result, load_step: float, largest: flo
 
 
 def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
-    """Return the numbers of the sliders whose intervals of rest are asked for; given: the argument.
-
-    Raises
-    ------
-    SceneError
-        One of them is held, or has no friction that could hold it.
-    """
+    """Return the numbers of the sliders whose intervals of rest are asked for; given: the argument. Raises SceneError: one of
+    them is held, or has no friction that could hold it."""
     forces = model.slider_forces
     rubs = np.zeros(asked.size, bool) if forces is None else forces.hold_by_friction & ~stays
     others = (asked & ~rubs).nonzero()[0]
@@ -226,25 +211,14 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
 
 
 def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
-    """Return which sliders stay in place, bool [S]: those of `held`, and those that are locked from the start.
-
-    Raises
-    ------
-    SceneError
-        There is no slider of that name.
-    """
+    """Return which sliders stay in place, bool [S]: those of `held`, and those that are locked from the start. Raises SceneError:
+    there is no slider of that name."""
     stays = named_sliders(model, "held", held)
     return stays if model.slider_forces is None else stays | model.slider_forces.locked_at_start
 
 
 def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
-    """Return which sliders an argument of this name means, bool [S].
-
-    Raises
-    ------
-    SceneError
-        There is no slider of that name.
-    """
+    """Return which sliders an argument of this name means, bool [S]. Raises SceneError: there is no slider of that name."""
     names = model.names["sliders"]
     if isinstance(held, bool):
         return np.array([held] * len(names), bool)

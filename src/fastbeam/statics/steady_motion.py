@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from fastbeam.interface.arguments import LARGEST, Anything, Number, Vector, checked, real, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.layout import layout_of
 from fastbeam.model.analyses import Analysis, require
@@ -99,12 +100,7 @@ class Travel:
 
 
 def which_steady_motion(value: Any) -> Spin | Travel:
-    """Check that an argument is a steady motion.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check that an argument is a steady motion. Raises Refusal."""
     from fastbeam.interface.arguments import Instance
     motion: Spin | Travel = Instance((Spin, Travel), "an fb.Spin(rate, axis=...) or fb.Travel({beam: speed})")(value)
     return motion
@@ -119,12 +115,7 @@ class Field(NamedTuple):
 
 
 def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) -> None:
-    """Refuse scenes that are not steady in such a motion, under load factors [K].
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse scenes that are not steady in such a motion, under load factors [K]. Raises SceneError."""
     require(Analysis.STEADY, model, who)
     if isinstance(motion, Spin):
         loads = model.loads
@@ -151,13 +142,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
 
 
 def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
-    """Return the first node of a beam and the number of its nodes.
-
-    Raises
-    ------
-    SceneError
-        It is not in the scene.
-    """
+    """Return the first node of a beam and the number of its nodes. Raises SceneError: it is not in the scene."""
     try:
         return model.numbers.start(beam), beam.basis.n_nodes
     except KeyError:
@@ -165,14 +150,7 @@ def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
 
 
 def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
-    """Form the matrices of a steady motion of a model in space.
-
-    Raises
-    ------
-    SceneError
-        A beam is not in the scene.
-    """
-    from scipy import sparse
+    """Form the matrices of a steady motion of a model in space. Raises SceneError: a beam is not in the scene."""
     n = model.n_nodes
     if isinstance(motion, Travel):
         once, twice = (sparse.kron(x, sparse.eye(3), format="csr") for x in _along(who, model, motion))
@@ -189,7 +167,6 @@ def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
 def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
     """Form int v m N N' ds and int v^2 m N' N' ds of beams that travel with speed v, m the inertia of positions and directors,
     sparse [4 N, 4 N] each."""
-    from scipy import sparse
     n = model.n_nodes
     speed = np.zeros(n)
     inside = np.full(n, -1)
@@ -225,22 +202,11 @@ def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
 class SteadyForces:
     """Forces of inertia of a steady motion on the unknowns of the rows of a model, and their stiffness.
 
-    Parameters
-    ----------
-    who : str
-        The function that was called.
-    model : Model
-        Model in space.
-    motion : Spin or Travel
-    of : RowMap
-        Map of the rows of the same model.
-    size : int
-        Unknowns a row.
-
-    Attributes
-    ----------
-    share : float
-        Share of the forces that acts.
+    who: the function that was called.
+    model: Model in space.
+    of: map of the rows of the same model.
+    size: unknowns a row.
+    share: share of the forces that acts.
     """
 
     def __init__(self, who: str, model: Model, motion: Spin | Travel, of: RowMap, size: int) -> None:
@@ -280,7 +246,6 @@ def turning_stiffness(of: RowMap, q: Array, force: Array) -> Any:
     """Return minus the derivative, by the unknowns of the rows, of moments of constant forces on all coordinates q [12 N], whose
     directors turn, sparse [m, m]. It is symmetric once the moments of all forces are in equilibrium, as in the tangent of
     beams."""
-    from scipy import sparse
     d = q.reshape(-1, 4, 3)[:, 1:]
     # a force on a director turns with it: of the moment d x f by a spin
     own = (of.ties.T @ force.reshape(-1)).reshape(-1, 4, 3)[:, 1:]

@@ -20,6 +20,7 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
 from fastbeam.statics.moving_supports import SupportPath, coordinates_of
+from fastbeam.statics.slider_friction import share_left
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
 
@@ -121,25 +122,19 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         if not load(solver, load_factor, share):
             text = f"stick_interval: no equilibrium was found at load factor {load_factor:.6g}"
             error = ConvergenceError(f"{text}; find one with solve_static, and give it as start=", step=0, time=0.0,
-                                     state=State(*(x.copy() for x in solver.state)))
+                                     state=solver.stepper.copy_state())
             raise solver.stepper.blamed(error, text, "The last equilibrium is in .state")
-    found = State(*(x.copy() for x in solver.state))
     ends = []
     for end in within:
         still = stays | (np.arange(stays.size) == k) if kind is _LockedSlider else stays
-        mine = kind(solver_of(State(*(x.copy() for x in found)), still), k, t)
+        mine = kind(solver_of(solver.stepper.copy_state(), still), k, t)
         ends.append(_end_of(mine, load, load_factor, float(end)))
     return StickInterval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
 
 
 def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Locked], int]:
-    """Return the number of a slider that friction can hold, or of a coordinate of a joint.
-
-    Raises
-    ------
-    SceneError
-        There is none of that name, or nothing that could hold it.
-    """
+    """Return the number of a slider that friction can hold, or of a coordinate of a joint. Raises SceneError: there is none of
+    that name, or nothing that could hold it."""
     names = model.names["sliders"]
     if slider in _twists(model) and slider not in names:
         of_joints = 0 if model.motions is None else model.motions.holds.rubs.size
@@ -180,25 +175,15 @@ class _Locked(ABC):
     def margin(self) -> float:
         """Return the share of its friction that is left."""
 
-    def saved(self) -> tuple[Any, ...]:
-        """Return everything that a later equilibrium depends on."""
-        along, joints = self.solver.along, self.solver.joints
-        return (self.solver._saved(), None if along is None else along.modes.at_stop.copy(),
-                None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
-
-    def restore(self, saved: tuple[Any, ...]) -> None:
-        """Restore what `saved` returned."""
-        self.solver._restore(saved[0])
-        if self.solver.along is not None:
-            self.solver.along.modes.at_stop[:] = saved[1]
-        if self.solver.joints is not None:
-            self.solver.joints.values, self.solver.joints.at_stop = (x.copy() for x in saved[2])
-            self.solver.hold_joints()
+    def restore(self, kept: tuple[Any, ...]) -> None:
+        """Return to what `SlidingSolver.kept` returned."""
+        self.solver.take_back(kept)
+        self.solver.hold_joints()
 
     @property
     def state(self) -> State:
         """Copy of the present state."""
-        return State(*(x.copy() for x in self.solver.state))
+        return self.solver.stepper.copy_state()
 
 
 class _LockedJoint(_Locked):
@@ -224,8 +209,7 @@ class _LockedSlider(_Locked):
         needed, s = float(here.sliding[k]), float(solver.stepper.core_state.s[k])
         if forces.tables.drive[k]:
             needed -= forces.at_rest(k, self.t, s, solver.along.factor, solver.along.offset[k])
-        most = float(forces.tables.friction[k] * here.normal[k])
-        return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
+        return share_left(needed, float(forces.tables.friction[k] * here.normal[k]))
 
 
 def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
@@ -236,7 +220,7 @@ def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) 
     if left <= 0.0:
         # it has slipped, and rests at the end of its interval
         return start, held.state
-    saved, step = held.saved(), FIRST * (1.0 + abs(start)) * (1.0 if end > start else -1.0)
+    saved, step = held.solver.kept(), FIRST * (1.0 + abs(start)) * (1.0 if end > start else -1.0)
     while True:
         if a == end:
             return (np.inf if end > start else -np.inf), held.state
@@ -250,7 +234,7 @@ def _end_of(held: _Locked, load: Callable[..., bool], start: float, end: float) 
         beyond = held.margin()
         if beyond < 0.0:
             return _root(held, load, saved, (a, left), (b, beyond))
-        a, left, saved = b, beyond, held.saved()
+        a, left, saved = b, beyond, held.solver.kept()
         step *= 2.0
 
 
@@ -268,7 +252,7 @@ def _root(held: _Locked, load: Callable[..., bool], saved: tuple[Any, ...], low:
         if abs(margin) <= ROUND_OFF or abs(b - a) <= EXACT * (1.0 + abs(a)):
             return x, held.state
         if margin > 0.0:
-            a, left, saved = x, margin, held.saved()
+            a, left, saved = x, margin, held.solver.kept()
             beyond *= 0.5 if side > 0 else 1.0
             side = 1
         else:

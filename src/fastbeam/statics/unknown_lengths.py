@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
-from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.factors import factoriser_for, solver_name
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
@@ -41,15 +42,8 @@ UNBALANCED = 1e-9
 
 
 class Lengths:
-    """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them.
-
-    Parameters
-    ----------
-    model : Model
-    beams : list of Beam
-    per_length : bool
-        Whether their weights go with their unstressed lengths.
-    """
+    """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them;
+    per_length: whether their weights go with their unstressed lengths."""
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
         self.model, self.beams, self.first = model, beams, np.array([beam.start_strain[0] for beam in beams])
@@ -136,13 +130,8 @@ class Condition(NamedTuple):
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
                   stays: Array) -> list[Condition]:
-    """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for.
-
-    Raises
-    ------
-    SceneError
-        One of them has no derivative, or is the arc length of a slider that stays.
-    """
+    """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for. Raises SceneError: one of them has no
+    derivative, or is the arc length of a slider that stays."""
     out = []
     for what, one in zip(conditions, wanted):
         at, axis, slider, size, part = None, -1, -1, model.length, ""
@@ -167,15 +156,9 @@ class LengthSolver(Response):
     """Solver for equilibria with conditions, on all unknowns and prestrains of beams; `move_to` leads the conditions from their
     values at the start to the wanted ones.
 
-    Parameters
-    ----------
-    unknown : Lengths
-    start : State
-        An equilibrium with the lengths of the scene.
-    max_iterations, held, backend, at_time, factors
-        As `Response`.
-    conditions : list of Condition
-        As many as beams.
+    start: an equilibrium with the lengths of the scene.
+    max_iterations, held, backend, at_time, factors: as `Response`.
+    conditions: as many as beams.
     """
 
     def __init__(self, unknown: Lengths, start: State, max_iterations: int, held: Array, backend: str, at_time: float,
@@ -196,10 +179,7 @@ class LengthSolver(Response):
     @property
     def name(self) -> str:
         """Linear solver and its number of factorisations, for the result."""
-        f = self._of_lengths
-        if f is None or not f.count:
-            return "SuperLU on nodes and lengths"
-        return f"PARDISO on nodes and lengths, {f.count} factorisations, {f.refused} left to SuperLU"
+        return solver_name(self._of_lengths, "nodes and lengths")
 
     @property
     def prestrains(self) -> Array:
@@ -227,9 +207,9 @@ class LengthSolver(Response):
         """Assemble the tangent [n, n], the residual [n], its derivatives by the prestrains [n, m], and those of the conditions by
         the unknowns [m, n] and by the prestrains [m, m]."""
         saddle, right = self.linearised()
-        m, size, rows = self.change.size, len(self.core.dofs), self.core.pattern.n
+        m = self.change.size
         state, outer = self.state, self.work.f_ext - self._loads
-        before = self.work.r[:8 * rows].reshape(rows, 8)[:, :size].reshape(-1).copy()
+        before = self.core.rows_in(self.work.r).reshape(-1).copy()
         values = self.values()
         push, direct = np.zeros((right.size, m)), np.zeros((m, m))
         in_sections = [j for j, condition in enumerate(self.conditions) if condition.wanted.section is not None]
@@ -240,7 +220,7 @@ class LengthSolver(Response):
             self._put(more)
             self.work.f_ext[:] = self._loads + outer
             self.stepper.parts.assemble(0.0)
-            after = self.work.r[:8 * rows].reshape(rows, 8)[:, :size].reshape(-1)
+            after = self.core.rows_in(self.work.r).reshape(-1)
             push[:after.size, k] = before - after
             for j in in_sections:
                 direct[j, k] = self.conditions[j].wanted.of(state) - values[j]
@@ -249,7 +229,6 @@ class LengthSolver(Response):
 
     def _slopes(self, state: State, n: int) -> Any:
         """Return derivatives of the conditions by all unknowns, sparse [m, n]."""
-        from scipy import sparse
         m = len(self.conditions)
         by_q, by_s = sparse.lil_matrix((m, state.q.size)), sparse.lil_matrix((m, n - self.nodes))
         for j, condition in enumerate(self.conditions):
@@ -330,7 +309,6 @@ class LengthSolver(Response):
     def _solved(self, off: Array) -> Array | None:
         """Solve for increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are
         none."""
-        from scipy import sparse
         saddle, right, push, slopes, direct = self.bordered()
         m = off.size
         whole = Saddle(sparse.bmat([[saddle.matrix, sparse.csr_matrix(-push)], [slopes, sparse.csr_matrix(direct)]]).tocsr(),

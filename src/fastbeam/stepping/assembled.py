@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import ADDED, Calls
 from fastbeam.kernels.contact.slider import NoSleeves, Sliding
@@ -46,7 +47,6 @@ class Entries(NamedTuple):
 
     def matrix(self, rows: int, columns: int) -> Any:
         """Put the entries into a sparse matrix by rows, [rows, columns]."""
-        from scipy import sparse
         return sparse.csr_matrix((self.value, (self.row, self.column)), shape=(rows, columns))
 
 
@@ -83,17 +83,9 @@ class Equations(NamedTuple):
 class Constraints:
     """Reader of the equations of the constraints of a stepper in statics.
 
-    Parameters
-    ----------
-    stepper : Stepper
-        Stepper in statics.
-
-    Attributes
-    ----------
-    loose : bool [R] or None
-        True for coordinates of joints that are free though friction or rigid stops may hold them.
-    angles : dict
-        Angles at which friction holds sections, by the number of their sleeve, rad.
+    stepper: stepper in statics.
+    loose: bool [R], true for coordinates of joints that are free though friction or rigid stops may hold them.
+    angles: angles at which friction holds sections, by the number of their sleeve, rad.
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -268,13 +260,8 @@ class Constraints:
 class SaddleMatrix:
     """Matrix by rows of nodes, sliding coordinates and multipliers, from blocks of nodes and entries of constraints.
 
-    Parameters
-    ----------
-    pattern : Pattern
-    size : int
-        Unknowns a node.
-    sliders, forces : int
-        Numbers of sliding coordinates and of multipliers.
+    size: unknowns a node.
+    sliders, forces: numbers of sliding coordinates and of multipliers.
     """
 
     def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
@@ -295,7 +282,6 @@ class SaddleMatrix:
 
     def _merge(self, keys: Array) -> None:
         """Form the structure with entries of constraints at these keys, row n + column, ascending."""
-        from scipy import sparse
         at = self._keys.searchsorted(keys)
         new = (self._keys[np.minimum(at, self._keys.size - 1)] != keys).nonzero()[0]
         before = np.bincount(at[new], minlength=self._keys.size + 1).cumsum()
@@ -315,12 +301,8 @@ class SaddleMatrix:
     def of(self, blocks: Array, equations: Equations, sliding: Array, drag: float) -> Any:
         """Form the matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
 
-        Parameters
-        ----------
-        sliding : bool [S]
-            Sliders that are free; the others have an increment of zero.
-        drag : float
-            Stiffness against increments of sliding coordinates, N/m.
+        sliding: bool [S], sliders that are free; the others have an increment of zero.
+        drag: stiffness against increments of sliding coordinates, N/m.
         """
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force

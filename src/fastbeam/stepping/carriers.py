@@ -1,7 +1,7 @@
 """Carriers in a run: groups of beams with sliders as systems of their own, each eliminated by one thread (theory.md 9)."""
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from fastbeam.linalg.pattern import Pattern, ascending
 from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.model import Model
 from fastbeam.stepping.constraint_rows import couplings_of, with_capacity
-from fastbeam.stepping.iteration import Owner
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 # fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets
@@ -96,13 +98,7 @@ def _sleeves_on(every: Any, sliders: Array) -> tuple[Any, Array, Array]:
 
 
 class AlongGroup:
-    """Forces along the beams on the sliders of one group: copies of their rows of those of the scene.
-
-    Parameters
-    ----------
-    whole : Along
-    sliders : int64 [*]
-    """
+    """Forces along the beams on the sliders of one group: copies of their rows of those of the scene; sliders: int64 [*]."""
 
     def __init__(self, whole: Along, sliders: Array) -> None:
         self.whole, self.sliders = whole, sliders
@@ -167,16 +163,9 @@ def _elements_of(model: Model, g: int, row_of: Array, n: int, sets: Any) -> tupl
 
 
 class Group:
-    """One group of carriers.
+    """One group of carriers."""
 
-    Parameters
-    ----------
-    owner : Owner
-    shared : Shared
-    g : int
-    """
-
-    def __init__(self, owner: Owner, shared: Shared, g: int) -> None:
+    def __init__(self, owner: Stepper, shared: Shared, g: int) -> None:
         model = owner.core
         c = model.carriers
         assert c is not None and model.bodies is not None and model.sliders is not None and model.substructures is not None

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,10 @@ from fastbeam.kernels.terms import Equilibrium, advance_nodes, apply_ties, assem
 from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.workspace import condensed_of, scratch_of
 from fastbeam.stepping.carriers import Group, Shared, Workspace
-from fastbeam.stepping.iteration import Iteration, Owner
+from fastbeam.stepping.iteration import Iteration
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 Chunk = tuple[int, int]
@@ -49,13 +52,7 @@ ELEMENTS_A_THREAD = 2000
 
 def thread_count(threads: int | None, elements: int) -> int:
     """Choose the threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all
-    processors that this process may use and that have enough to do.
-
-    Raises
-    ------
-    SceneError
-        Not a whole number >= 1.
-    """
+    processors that this process may use and that have enough to do. Raises SceneError: not a whole number >= 1."""
     if threads is not None:
         return count("threads", threads)
     named = os.environ.get("FASTBEAM_THREADS")
@@ -124,13 +121,7 @@ def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
 
 class CondensedIteration(Iteration):
     """Newton iterations of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and
-    each group of carriers is one.
-
-    Parameters
-    ----------
-    owner : Stepper
-    threads : int
-    """
+    each group of carriers is one."""
 
     def hold(self) -> None:
         if self._carriers:
@@ -152,7 +143,7 @@ class CondensedIteration(Iteration):
         terms, system = self.owner.records
         return self._panel.on(system) if self._carriers else (terms, system)
 
-    def __init__(self, owner: Owner, threads: int) -> None:
+    def __init__(self, owner: Stepper, threads: int) -> None:
         super().__init__(owner)
         self.team = Team(threads)
         model = owner.core

@@ -29,21 +29,13 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
                  forces: Array, in_force: Array, pairs: Array | None = None, places: Array | None = None) -> Couplings:
     """Form the couplings of the rows of a pattern.
 
-    Parameters
-    ----------
-    size, end : int
-        Unknowns of a node; where the assembled blocks end, in doubles.
-    held, tied : int [n]
-        Mask of held unknowns of every row; the tied node that has the row, or -1.
-    late : list of int arrays
-        Rows that every constraint need not wait for.
-    unknowns, forces, in_force : int [S]
-        Numbers of unknowns of every constraint, of forces among them, and of equations in the unit of a force behind those of
-        the gaps.
-    pairs : int [O, 2], optional
-        Constraints that are coupled by own unknowns.
-    places : int32 [n + S], optional
-        Place of every row in the elimination; else it is found in a run.
+    size, end: unknowns of a node; where the assembled blocks end, in doubles.
+    held, tied: int [n], mask of held unknowns of every row; the tied node that has the row, or -1.
+    late: rows that every constraint need not wait for.
+    unknowns, forces, in_force: int [S], numbers of unknowns of every constraint, of forces among them, and of equations in the
+        unit of a force behind those of the gaps.
+    pairs: int [O, 2], constraints that are coupled by own unknowns.
+    places: int32 [n + S], place of every row in the elimination; else it is found in a run.
     """
     n, block = pattern.n, 8 * size
     low, high = pattern.coupled[:, 0], pattern.coupled[:, 1]

@@ -2,63 +2,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.call_tables import SystemRecord, Table
 from fastbeam.kernels.contact.coulomb import cycles
-from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.loop import BORDER_SINGULAR, CYCLES, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
-from fastbeam.kernels.state import FALLBACK, MORE_ITERATIONS, State, Work
-from fastbeam.kernels.terms import System
-from fastbeam.linalg.linear_system import LinearSystem
-from fastbeam.model.model import Model
+from fastbeam.kernels.state import FALLBACK, MORE_ITERATIONS
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 # status of a step that was left before its end
 LEFT = -1
 
 
-class Owner(Protocol):
-    """Owner of the state and the work arrays: a `stepper.Stepper`."""
-
-    core: Model
-    core_state: State
-    work: Work
-    inner: Inner | None
-    contact: Contact | None
-    terms: tuple[Any, ...]
-    linear: LinearSystem
-
-    @property
-    def system(self) -> System:
-        """Data that all terms share."""
-
-    @property
-    def records(self) -> tuple[Table, SystemRecord]:
-        """Terms and system as compiled code takes them."""
-
-
 def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, after: Callable[[list[float]], int],
                 is_settled: Callable[[], bool] = lambda: True, largest: float = np.inf) -> tuple[int, list[float]]:
     """Iterate by Newton's method where its loop runs in Python, as `kernels.step.newton`.
 
-    Parameters
-    ----------
-    increment : callable
-        Solves the linearised equations and adds what it finds. Returns a status and the size of the increment, None where none
-        was found; any status but OK ends the loop.
-    most : int
-        Largest number of iterations.
-    after : callable
-        Called with the sizes so far after every iteration that does not end the loop; any status but OK ends it.
-    is_settled : callable
-        Asked where increments are at round-off: whether the equations have not changed with the last one.
-    largest : float
-        An increment beyond this, or NaN, ends it.
+    increment: solves the linearised equations and adds what it finds. Returns a status and the size of the increment, None where
+        none was found; any status but OK ends the loop.
+    most: largest number of iterations.
+    after: called with the sizes so far after every iteration that does not end the loop; any status but OK ends it.
+    is_settled: asked where increments are at round-off: whether the equations have not changed with the last one.
+    largest: an increment beyond this, or NaN, ends it.
 
     Returns
     -------
@@ -87,7 +58,7 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, af
 class Iteration:
     """Newton iteration around SuperLU, on one thread."""
 
-    def __init__(self, owner: Owner) -> None:
+    def __init__(self, owner: Stepper) -> None:
         self.owner = owner
 
     def hold(self) -> None:
@@ -108,15 +79,9 @@ class Iteration:
     def newton(self, h: float, max_iterations: int, largest: float, stop: Callable[[], Any]) -> tuple[int, list[float]]:
         """Iterate from the first guess; return (status, sizes of the increments), as `kernels.step.newton`.
 
-        Parameters
-        ----------
-        h : float
-            Size of the step; 0 in statics.
-        max_iterations : int
-        largest : float
-            An increment beyond this ends it.
-        stop : callable
-            Asked after every iteration; true: LEFT.
+        h: size of the step; 0 in statics.
+        largest: an increment beyond this ends it.
+        stop: asked after every iteration; true: LEFT.
         """
         owner = self.owner
         owner.linear.begin_step()
@@ -165,8 +130,7 @@ class Iteration:
         model, work = self.owner.core, self.owner.work
         columns, size = model.columns, len(model.dofs)
         panel = work.panel.reshape(-1, model.width)[:size * model.pattern.n]
-        blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
-        x = self.owner.linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
+        x = self.owner.linear.superlu.solve(model.blocks_in(work.blocks), np.ascontiguousarray(panel[:, :columns].T))
         if x is None:
             return False
         panel[:, :columns] = x.T

@@ -8,6 +8,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import number
 from fastbeam.interface.errors import ConvergenceError, SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.beams import generalized_alpha as kernels
 from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.empty_arrays import empty
@@ -16,7 +17,7 @@ from fastbeam.linalg.factors import OF_STEP, Factors
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.gap_rows import ConstraintGaps, Gaps
 from fastbeam.model.mapping import shapes_at
-from fastbeam.model.maps import free_unknowns, mass_map, share_map, spin_map, tie_map, velocity_map
+from fastbeam.model.maps import free_unknowns, mass_map, share_map, spin_map, tie_map, velocities_and_spins, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -27,21 +28,11 @@ RHO_INF = 0.8
 
 @dataclass(frozen=True)
 class Scheme:
-    """Scheme of time integration.
+    """Scheme of time integration."""
 
-    Attributes
-    ----------
-    name : str
-        Key of `METHODS`.
-    middle : None or 1
-        As in `kernels.step.assemble_step`.
-    parameters : None or float64 [4]
-        alpha_m, alpha_f, beta, gamma where equilibrium holds at the end of a step.
-    rho_inf : None or float
-    """
-
-    name: str = "energy_momentum"
-    middle: int | None = None
+    name: str = "energy_momentum"  # key of `METHODS`
+    middle: int | None = None  # as in `kernels.step.assemble_step`
+    # None or float64 [4]: alpha_m, alpha_f, beta, gamma where equilibrium holds at the end of a step
     parameters: Array | None = None
     rho_inf: float | None = None
 
@@ -67,13 +58,8 @@ class Scheme:
 
 
 def choose_scheme(name: str, rho_inf: float | None, order: int, controlled: bool, model: Model) -> Scheme:
-    """Return the scheme of a method of `simulate` with this order, with or without step control.
-
-    Raises
-    ------
-    SceneError
-        An unknown method, or arguments that do not go with it.
-    """
+    """Return the scheme of a method of `simulate` with this order, with or without step control. Raises SceneError: an unknown
+    method, or arguments that do not go with it."""
     if not isinstance(name, str) or name not in METHODS:
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
     if rho_inf is not None and name not in ("generalized_alpha", "energy_momentum"):
@@ -110,23 +96,14 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     """Compute consistent accelerations and contact forces of a state from the equations of motion with the second derivative of
     every gap (index 1), into alpha.rates and state.force.
 
-    Parameters
-    ----------
-    residual : function of q'' [12 N]
-        Rows [6 N] of the nodes' equations, in the order of the nodes, without contact forces.
-
-    Raises
-    ------
-    ConvergenceError
-        Inertia is missing: accelerations are not determined.
+    residual: function of q'' [12 N], rows [6 N] of the nodes' equations, in the order of the nodes, without contact forces.
+    Raises ConvergenceError: inertia is missing: accelerations are not determined.
     """
-    from scipy import sparse
     n, s = model.n_nodes, model.n_sliders
     rates = alpha.rates.reshape(9, n, 6)
     q, v = state.q.reshape(n, 4, 3), state.v.reshape(n, 4, 3)
     rates[:] = 0.0
-    rates[0, :, :3] = v[:, 0]
-    rates[0, :, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+    rates[0] = velocities_and_spins(q, v)
     spin = spin_map(model)
     rates[0, :, 3:] = (spin @ rates[0, :, 3:].reshape(-1)).reshape(n, 3)
     tie = tie_map(model)

@@ -13,7 +13,7 @@ from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import AT_REST, EVERYTHING, ITERATION, Calls, SystemRecord, Table, system_record
 from fastbeam.kernels.contact.coulomb import begin_fallback
-from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS
+from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, SIGN, STICKS
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.entries.dense import Contact
@@ -32,6 +32,7 @@ from fastbeam.model.contact.sleeve_twist import start_twisting
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.failed_laws import FINITE_NUMBERS, Failure, acting_at, failure_in, forget, has_failed
 from fastbeam.model.forces.loads import load_factors
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.released_supports import own_supports
 from fastbeam.model.start import own_state
@@ -73,36 +74,18 @@ SAME_TURN = 1e-9
 class Stepper:
     """Stepper of one model; it owns the state and the work arrays.
 
-    Parameters
-    ----------
-    model : Model
-    weights : float64 [m]
-        Substeps of a step as fractions of it (theory.md 6).
-    state : State, optional
-        Start from here instead of the model's initial state.
-    max_iterations : int
-        Newton iterations a substep.
-    backend : {'auto', 'pardiso', 'superlu'}
-        Sparse solver, where the model needs one.
-    method : Scheme
-    t : float
-        Time of the state, s; some methods need the loads there.
-    memory : float64, optional
-        As `memory` gave it; default: consistent with the state.
-    augmentation : float
-        Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
-    threads : int, optional
-        Threads for condensed beams (default: see `thread_count`) and for PARDISO.
-    static, symmetric : bool
-        For statics: loads that change, PARDISO's symmetric factorisation.
-    strains : ReferenceStrains, optional
-        Those of the run, which several steppers may share.
-
-    Raises
-    ------
-    SceneError
-        The state is not one of this model, max_iterations, backend or augmentation is not usable, or its constraints are a dense
-        border that the memory does not hold.
+    weights: float64 [m], substeps of a step as fractions of it (theory.md 6).
+    state: start from here instead of the model's initial state.
+    max_iterations: Newton iterations a substep.
+    backend: {'auto', 'pardiso', 'superlu'}, sparse solver, where the model needs one.
+    t: time of the state, s; some methods need the loads there.
+    memory: as `memory` gave it; default: consistent with the state.
+    augmentation: factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
+    threads: threads for condensed beams (default: see `thread_count`) and for PARDISO.
+    static, symmetric: for statics: loads that change, PARDISO's symmetric factorisation.
+    strains: those of the run, which several steppers may share.
+    Raises SceneError: the state is not one of this model, max_iterations, backend or augmentation is not usable, or its
+        constraints are a dense border that the memory does not hold.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
@@ -199,12 +182,7 @@ class Stepper:
             self.contact = contact_of(core, at_rest=self._static)
 
     def _check_analyses(self) -> None:
-        """Refuse a model that does not go with the method or the substeps.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse a model that does not go with the method or the substeps. Raises SceneError."""
         if self.method.is_compared:
             require(Analysis.COMPARED, self.model, f"method {self.method.name!r}")
         if self.weights.size > 1:
@@ -251,7 +229,7 @@ class Stepper:
         rates, contact = empty(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
-        own = model.own(self.core_state.history, "slider_forces").reshape(-1, HISTORY)
+        own = model.along_of(self.core_state.history)
         moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
         start_twisting(model, self.core_state.history, *(x.reshape(-1, 4, 3) for x in state[:2]), state.s)
@@ -350,11 +328,6 @@ class Stepper:
         self._make_rows(larger_capacity(self.core, self.capacity, self.contact, self.rows))
 
     @property
-    def _border_size(self) -> int:
-        """Doubles of the dense border of all sliders."""
-        return self.core.border_size
-
-    @property
     def pivots_everywhere(self) -> bool:
         """True where SuperLU solves for all unknowns, so that no fallback is left."""
         return self.inner is None and self.core.substructures is None and not self.linear.is_compiled
@@ -407,13 +380,8 @@ class Stepper:
     def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
         """Return the error of an attempt; it names a law of the user's own where one has failed.
 
-        Parameters
-        ----------
-        error : ConvergenceError
-        text : str
-            Text that names the attempt.
-        rest : str
-            Text that tells where the results are.
+        text: text that names the attempt.
+        rest: text that tells where the results are.
         """
         failed = self.failed_law
         if failed.text:
@@ -426,25 +394,14 @@ class Stepper:
         forget(self.terms, self.law_work)
 
     def assemble_anew(self) -> None:
-        """Assemble residual and tangent of the present shape at rest.
-
-        Raises
-        ------
-        SceneError
-            A law of the user's own has failed.
-        """
+        """Assemble residual and tangent of the present shape at rest. Raises SceneError: a law of the user's own has failed."""
         self.forget_failures()
         self.parts.assemble(0.0)
         self.check_laws()
 
     def check_laws(self) -> None:
-        """Refuse equations that laws have put no numbers into.
-
-        Raises
-        ------
-        SceneError
-            Names the law, its time and what it was given.
-        """
+        """Refuse equations that laws have put no numbers into. Raises SceneError: names the law, its time and what it was
+        given."""
         if has_failed(self.terms, self.law_work):
             failed = self.failed_law
             raise SceneError(failed.text) from failed.error
@@ -533,7 +490,7 @@ class Stepper:
                 return fresh.after(result)
             past[0] = known
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
-        if self.pivots_everywhere or self._border_size > LARGEST_BORDER:
+        if self.pivots_everywhere or self.core.border_size > LARGEST_BORDER:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size
@@ -646,8 +603,7 @@ class Stepper:
     def largest_spin(self) -> tuple[int, float]:
         """Return (node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
         state = self.state
-        q, v = (x.reshape(-1, 4, 3)[:, 1:] for x in (state.q, state.v))
-        size = np.linalg.norm(0.5 * np.cross(q, v).sum(axis=1), axis=1)
+        size = np.linalg.norm(spins(state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)), axis=1)
         node = int(np.argmax(size))
         return node, float(size[node])
 

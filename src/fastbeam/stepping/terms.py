@@ -40,14 +40,8 @@ def terms_of(run: OfRun) -> tuple[Any, ...]:
 
 
 class Growing:
-    """Forces by laws, and of moving air, in the terms of a model at rest: their values at a load factor and a time.
-
-    Parameters
-    ----------
-    model : Model
-    terms : tuple
-        Terms of a run in statics.
-    """
+    """Forces by laws, and of moving air, in the terms of a model at rest: their values at a load factor and a time; terms: terms
+    of a run in statics."""
 
     def __init__(self, model: Model, terms: tuple[Any, ...]) -> None:
         # scaled arrays, their full values, and 1 where they grow

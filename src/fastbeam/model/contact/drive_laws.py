@@ -12,6 +12,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.slider_forces import CONTROL, FORCE, INCREMENT, LAW, NO_DRIVE, POSITION
 from fastbeam.model.forces.compiled_laws import compiled_drive, machine_code
 from fastbeam.model.forces.loads import means
+from fastbeam.scene.checks import called
 
 Array = np.ndarray
 # one-sided difference of fourth order, from values at the present time and at steps of SHORT s after it, as in
@@ -39,10 +40,8 @@ def gains_of(drive: Any) -> tuple[float, float, float]:
 
 
 def law_of(drive: Any, who: str) -> int:
-    """Return the address of a compiled force of (t, s, rate); kept as long as the process.
-
-    Raises SceneError: the force cannot be compiled, or returns nothing.
-    """
+    """Return the address of a compiled force of (t, s, rate); kept as long as the process. Raises SceneError: the force cannot be
+    compiled, or returns nothing."""
     return machine_code(who, "drive's force(t, s, rate)", lambda: _driving(drive.force))[0]
 
 
@@ -88,18 +87,12 @@ def given_over(drive: Any, kind: int, who: str, starts: Array, lengths: Array) -
 
 
 def value_at(drive: Any, who: str, what: str, t: float) -> float:
-    """Evaluate position, speed or force of a drive at time t.
-
-    Raises SceneError: a function fails, or returns no finite number.
-    """
+    """Evaluate position, speed or force of a drive at time t. Raises SceneError: a function fails, or returns no finite
+    number."""
     value = getattr(drive, what)
     if not callable(value):
         return float(value)
-    try:
-        found = value(t)
-    except Exception as error:
-        text = f"must not fail, but raises {type(error).__name__} at {t:.6g}: {error}"
-        raise SceneError(f"{who}: {what} {text:.200}") from error
+    found = called(who, what, value, t)
     try:
         found = float(found)
     except (TypeError, ValueError):
@@ -152,10 +145,8 @@ def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
 
 def slope_at_rest(drive: Any, who: str, t: float, s: float, size: float, by_rate: bool) -> float:
     """Return the derivative by place, N/m, or by rate, N s/m, of the force of a drive that does not prescribe the motion, for a
-    slider at rest at s at time t; size: scale of places, m, and of rates a second.
-
-    Raises SceneError: a law has a kink or jumps there.
-    """
+    slider at rest at s at time t; size: scale of places, m, and of rates a second. Raises SceneError: a law has a kink or jumps
+    there."""
     kind = kind_of(drive)
     if kind == LAW:
         law = f"{who}: force(t, s, rate)"
@@ -170,10 +161,7 @@ def slope_at_rest(drive: Any, who: str, t: float, s: float, size: float, by_rate
 
 def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: str) -> float:
     """Differentiate a function at x: central differences are halved and extrapolated, the one that changes least is taken (C. J.
-    F. Ridders, Adv. Eng. Softw. 4, 1982); size: scale of x.
-
-    Raises SceneError: the function has no derivative there.
-    """
+    F. Ridders, Adv. Eng. Softw. 4, 1982); size: scale of x. Raises SceneError: the function has no derivative there."""
     here, h = f(x), LARGEST * size
     best, error, before = np.nan, np.inf, np.zeros(0)
     widest = 0.0

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import strains_of
@@ -23,10 +24,8 @@ SHORTEST = 5e-4
 
 
 class Mesh:
-    """Beam with the sliders that its elements move with, in the order of their places.
-
-    Raises SceneError: the curvature of the beam changes along it.
-    """
+    """Beam with the sliders that its elements move with, in the order of their places. Raises SceneError: the curvature of the
+    beam changes along it."""
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
         self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)
@@ -173,7 +172,6 @@ def masses(table: MovingBeam) -> Array:
 
 def mass_matrix(table: MovingBeam, q: Array) -> Any:
     """Assemble the mass matrix for the rates of all coordinates at coordinates [N, 4, 3], (5.20): sparse [12 N, 12 N]."""
-    from scipy import sparse
     c, rows, columns, entries = masses(table), [], [], []
     for one in of_rates(table, q):
         block = np.einsum("gk,gkci,gkcj->ij", c / one.length, one.matrix, one.matrix, optimize=True)

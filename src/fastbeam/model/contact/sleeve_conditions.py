@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.model.mapping import shapes_at
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ class Section(NamedTuple):
 
     def turned(self, mu: Array, size: int) -> Any:
         """Return minus the derivative of the moments of multipliers mu [3] on all nodes by the spins, sparse [6 size, 6 size]."""
-        from scipy import sparse
         n = self.shapes[0]
         count = len(n)
         blocks = np.zeros((count + 1, count + 1, 3, 3))

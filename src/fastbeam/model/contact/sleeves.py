@@ -28,10 +28,8 @@ ALIGNED = 1e-6
 
 
 def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
-    """Build the table of all sleeves; joints: number of those with multipliers, whose constraints come before.
-
-    Raises SceneError: the axis of a sleeve is not that of its beam.
-    """
+    """Build the table of all sleeves; joints: number of those with multipliers, whose constraints come before. Raises SceneError:
+    the axis of a sleeve is not that of its beam."""
     if not scene.sleeves:
         return None
     of_slider = np.full(len(scene.sliders), -1, np.int64)

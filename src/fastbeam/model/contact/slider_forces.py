@@ -93,10 +93,8 @@ def _without_adjoint(what: str, has: Callable[[Slider], bool]) -> Lack:
 
 
 class SliderForces(Feature):
-    """Forces along the beam on all S sliders of a scene; at least one slider has some.
-
-    Raises SceneError: a function of a drive cannot be compiled.
-    """
+    """Forces along the beam on all S sliders of a scene; at least one slider has some. Raises SceneError: a function of a drive
+    cannot be compiled."""
 
     key, title, order = "slider_forces", "friction, drives, stops, locks, releases of sliders", 10
     lacks = (
@@ -286,10 +284,8 @@ class SliderForces(Feature):
     @cached_property
     def sides(self) -> list[Array]:
         """Direction in which every slider may lift off, in the triads of the nodes of its curve, float64 [n, 3] each; n = 0 for
-        sliders that may not.
-
-        Raises SceneError: on a path the direction is along one of the beams, or returns as another one around a closed path.
-        """
+        sliders that may not. Raises SceneError: on a path the direction is along one of the beams, or returns as another one
+        around a closed path."""
         return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
 
     def free_range(self, limits: Array) -> Array:
@@ -372,10 +368,8 @@ class SliderForces(Feature):
         return np.array([[-1.0 if x is None else x for x in both] for both in found])
 
     def check_start(self, t: float, s: Array, history: Array) -> None:
-        """Check that sliders stand at their prescribed positions at the time t at which a run starts.
-
-        Raises SceneError: a slider would jump.
-        """
+        """Check that sliders stand at their prescribed positions at the time t at which a run starts. Raises SceneError: a slider
+        would jump."""
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
             slider, place = self.sliders[k], self.place_given(k, t, history[k])
             if abs(place - s[k]) > JUMP * slider.beam.length:
@@ -487,10 +481,8 @@ class SliderForces(Feature):
         return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 
     def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
-        """Return the derivative of the force `at_rest` by s, N/m, or by ds/dt, N s/m.
-
-        Raises SceneError: a law has a kink or jumps there.
-        """
+        """Return the derivative of the force `at_rest` by s, N/m, or by ds/dt, N s/m. Raises SceneError: a law has a kink or
+        jumps there."""
         slider = self.sliders[k]
         # on a switch, laws take s and controllers the arc length travelled
         coordinate = s + offset if self.tables.drive[k] == CONTROL else s
@@ -502,10 +494,8 @@ class SliderForces(Feature):
 
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
-    """Build the forces along the beam of all sliders; None where no slider has any.
-
-    Raises SceneError: a prescribed position does not begin where its slider stands.
-    """
+    """Build the forces along the beam of all sliders; None where no slider has any. Raises SceneError: a prescribed position does
+    not begin where its slider stands."""
     if all(x.slides_freely for x in sliders):
         return None
     found = SliderForces(sliders)
@@ -522,10 +512,8 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
 
 def sides_of(slider: Slider) -> Array:
     """Return the direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to
-    beam of a path it stays the same in space, in the reference shape.
-
-    Raises SceneError: on a path the direction is along one of the beams, or returns as another one around a closed path.
-    """
+    beam of a path it stays the same in space, in the reference shape. Raises SceneError: on a path the direction is along one of
+    the beams, or returns as another one around a closed path."""
     if not isinstance(slider.beam, Path):
         side = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
         side[0] = 0.0

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.forces.added_mass import AddedMass
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, Lack, unknown_to_methods, without_adjoint
@@ -99,7 +100,6 @@ class Added(Feature):
 
     def mass_map(self, q: Array) -> Any:
         """Assemble the masses on the coordinates of all nodes at q [12 N], sparse [12 N, 12 N]."""
-        from scipy import sparse
         d1 = q.reshape(-1, 4, 3)[self.node, 1]
         blocks = self.normal[:, None, None] * np.eye(3) + self.along[:, None, None] * d1[:, :, None] * d1[:, None, :]
         at = 12 * self.node[:, None] + np.arange(3)

@@ -34,10 +34,8 @@ def bushings(ends: Any) -> Bushings:
 
 
 def check_plane(parts: list[Any], normal: Array) -> None:
-    """Check that bushings do not couple motions in the plane with this normal with others.
-
-    Raises NotPlanar: a stiffness or damping couples motions in the plane with others.
-    """
+    """Check that bushings do not couple motions in the plane with this normal with others. Raises NotPlanar: a stiffness or
+    damping couples motions in the plane with others."""
     for part in parts:
         # axes with the normal as the third
         k = int(np.argmin(np.abs(normal)))

@@ -99,10 +99,8 @@ def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> A
 
 def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
     """Compile a law of a user force with n parameters, times a function of time: machine code that kernels call by its
-    `.address`, and the law for Python; the code lives as long as these objects.
-
-    Raises WrongForm: the law returns a value, or the function of time none; the functions below raise it, too.
-    """
+    `.address`, and the law for Python; the code lives as long as these objects. Raises WrongForm: the law returns a value, or the
+    function of time none; the functions below raise it, too."""
     inner = _timed(law, time)
 
     def ask(t: Any, x: Any, p: Any, y: Any) -> None:
@@ -208,10 +206,7 @@ def compiled_wind(law: Callable[..., None], n: int) -> tuple[Any, Any]:
 
 def machine_code(who: str, what: str, make: Callable[[], tuple[Any, Any]]) -> tuple[int, Any]:
     """Return the address of a user function, and the function for Python; make: one of the compiling functions above; who, what:
-    names in messages.
-
-    Raises SceneError: numba cannot compile the function, or its return value is wrong.
-    """
+    names in messages. Raises SceneError: numba cannot compile the function, or its return value is wrong."""
     try:
         entry, compiled = make()
         return int(entry.address), compiled

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.slider_forces import CONTROL
 from fastbeam.kernels.forces.bushing import Bushings
@@ -46,7 +47,6 @@ def material_map(model: Model, q: Array) -> Any:
 
 def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> Any:
     """Assemble int E_q^T X E_q ds, the 6 x 6 matrix X at offset `first` from C in the tables of these strain sets."""
-    from scipy import sparse
     n = 12 * model.n_nodes
     parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
@@ -84,7 +84,6 @@ def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Arra
 
 def _of_drag(model: Model) -> Any:
     """Assemble linear drag; drag by the square of a velocity has no linear part at rest."""
-    from scipy import sparse
     diagonal = np.zeros((model.n_nodes, 4, 3))
     drag = model.dragged
     require(Analysis.DAMPED, model)
@@ -95,7 +94,6 @@ def _of_drag(model: Model) -> Any:
 
 def _of_joints(model: Model, q: Array) -> Any:
     """Assemble the dampers and controllers on the distances and angles that joints leave free."""
-    from scipy import sparse
     n = 12 * model.n_nodes
     motions = model.motions
     if motions is None:
@@ -115,7 +113,6 @@ def _of_joints(model: Model, q: Array) -> Any:
 
 def _of_springs(model: Model, q: Array) -> Any:
     """Assemble the dampers along the line of two points, one-sided dampers where they act."""
-    from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))
     for table in model.links:
@@ -137,7 +134,6 @@ def _of_springs(model: Model, q: Array) -> Any:
 
 def _of_links(model: Model, kind: type, blocks: Callable[[Any], Iterable[tuple[Array, Array]]]) -> Any:
     """Assemble the damping of the links of one kind; blocks: yields coordinates [m] and matrices [m, m] from a table of them."""
-    from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))
     for table in model.links:

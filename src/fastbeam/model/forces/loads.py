@@ -57,10 +57,8 @@ class LoadAccount(Feature):
 
 
 def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
-    """Return the factor of every load vector at a time, [K]; who: the function that was called.
-
-    Raises SceneError: there are time functions and no time.
-    """
+    """Return the factor of every load vector at a time, [K]; who: the function that was called. Raises SceneError: there are time
+    functions and no time."""
     for one in model.controllers:
         # an equilibrium uses the start value, not the last value of a run
         one.held[0] = one.start
@@ -83,10 +81,8 @@ def which_times(value: Any) -> float | tuple[float, float]:
 def load_path(who: str, model: Model, at_time: float | tuple[float, float] | None,
               others_change: bool = False) -> tuple[Array, Array]:
     """Return the factors [K] of all load vectors at load factor 0, and their change until load factor 1; who: the function that
-    was called; others_change: True if other forces than load vectors change.
-
-    Raises SceneError: there are time functions and no time, or between two times nothing changes.
-    """
+    was called; others_change: True if other forces than load vectors change. Raises SceneError: there are time functions and no
+    time, or between two times nothing changes."""
     if not isinstance(at_time, tuple):
         factors = load_factors_at(who, model, at_time)
         return np.zeros_like(factors), factors
@@ -129,18 +125,14 @@ def means(values: Callable[[list[float]], Array], rows: Array | None, times: Arr
 
 
 def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:
-    """Evaluate a time function at t as a number; who: its owner.
-
-    Raises SceneError: the function fails, or returns no finite number.
-    """
+    """Evaluate a time function at t as a number; who: its owner. Raises SceneError: the function fails, or returns no finite
+    number."""
     return float(factors_at([(time, who)], [t])[0, 0])
 
 
 def factors_at(functions: Sequence[tuple[Callable[[float], float], str]], times: list[float]) -> Array:
-    """Evaluate time functions, each with the name of its owner, at some times, [functions, times].
-
-    Raises SceneError: a function fails, or returns no finite number.
-    """
+    """Evaluate time functions, each with the name of its owner, at some times, [functions, times]. Raises SceneError: a function
+    fails, or returns no finite number."""
     found: list[Any] = []
     try:
         for time, _ in functions:

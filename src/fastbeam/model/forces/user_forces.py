@@ -120,10 +120,8 @@ class Loaded:
         self.of = np.repeat(np.arange(len(self.forces)), [len(x) for x in node[1:]]).astype(np.int64)
 
     def table(self, row_of: Array, blocks: Any, q: Array, place: int) -> UserForces:
-        """Build the term; q [N, 4, 3]: coordinates at which laws are tried; place: offset of their work in the history.
-
-        Raises SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite.
-        """
+        """Build the term; q [N, 4, 3]: coordinates at which laws are tried; place: offset of their work in the history. Raises
+        SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite."""
         starts, parameters = parameters_of(self.forces)
         # parameters of every node, or one row for all
         first = [start + (x.shape[1] * np.arange(len(x)) if len(x) > 1 else np.zeros(nodes.size, np.int64))
@@ -134,7 +132,9 @@ class Loaded:
             at = q[self.node[np.argmax(self.of == k)]]
             try_law(force, compiled, at)
             addresses.append((address, slopes_of(force, compiled, _given(at))))
-            differences.append(differences_of(force) if force.derivative is None else 0)
+            # code that takes the derivative by differences; kept as long as the process
+            differences.append(0 if force.derivative is not None else
+                               int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address))
         along = np.array([isinstance(force.at, Beam) for force in self.forces], np.int64)
         grows = np.array([force.grows for force in self.forces], np.int64)
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, grows[self.of],
@@ -143,10 +143,8 @@ class Loaded:
 
 
 def line_forces(ends: Any) -> LineForces:
-    """Build the table of all forces along lines; ends: `links.Ends`.
-
-    Raises SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite; ends that meet.
-    """
+    """Build the table of all forces along lines; ends: `links.Ends`. Raises SceneError: a law that cannot be compiled, fails, or
+    gives numbers that are not finite; ends that meet."""
     addresses = []
     for force, length in zip(ends.parts, ends.distance.tolist()):
         if not length > 0.0:
@@ -159,10 +157,8 @@ def line_forces(ends: Any) -> LineForces:
 
 
 def force_elements(ends: Any) -> ForceElements:
-    """Build the table of all force elements; ends: `links.Ends`.
-
-    Raises SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite.
-    """
+    """Build the table of all force elements; ends: `links.Ends`. Raises SceneError: a law that cannot be compiled, fails, or
+    gives numbers that are not finite."""
     parts, node = ends.parts, ends.node
     axes = np.array([part.directors for part in parts])
     # D_i = sum_k R_ik d_k of both nodes
@@ -203,10 +199,8 @@ def _given(q: Array) -> Array:
 
 
 def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Array) -> int:
-    """Return the address of the derivative of a law, 0 without one; law: the compiled law for Python.
-
-    Raises SceneError: numba cannot compile the derivative, it fails, or it is not that of the law.
-    """
+    """Return the address of the derivative of a law, 0 without one; law: the compiled law for Python. Raises SceneError: numba
+    cannot compile the derivative, it fails, or it is not that of the law."""
     if force.derivative is None:
         return 0
     who, n = label_of(force), rows_of(force).shape[1]
@@ -221,10 +215,7 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
 
 def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: Array, on_line: bool) -> None:
     """Check that a derivative is finite at the start, and agrees with differences of the law there at some velocity. At a kink of
-    the law it may be the slope of either side, or between.
-
-    Raises SceneError.
-    """
+    the law it may be the slope of either side, or between. Raises SceneError."""
     rates = slice(1, 2) if on_line else slice(12, 18)
     for speed in (0.0, 0.1):
         at = given.copy()
@@ -310,17 +301,10 @@ def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
 
 
 def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]:
-    """Return the address of a law, and the law for Python; kept as long as the process.
-
-    Raises SceneError: numba cannot compile the law.
-    """
+    """Return the address of a law, and the law for Python; kept as long as the process. Raises SceneError: numba cannot compile
+    the law."""
     make = _tension if isinstance(force, LineForce) else _compiled
     return machine_code(label_of(force), "law", lambda: make(force.law, rows_of(force).shape[1], *_time_of(force)))
-
-
-def differences_of(force: UserForce) -> int:
-    """Return the address of code that takes the derivative of a law by differences; kept as long as the process."""
-    return int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address)
 
 
 def rows_of(force: UserForce | LineForce | ForceElement | Drag) -> Array:
@@ -340,10 +324,7 @@ _slopes, _tension_slopes, _differences = cache(compiled_slopes), cache(compiled_
 
 def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
     """Build the table of all winds; part: int64 [D], number of the drag of a node; place: float64 [D, 3], where the air is
-    evaluated.
-
-    Raises SceneError: a wind that cannot be compiled, fails, or gives numbers that are not finite.
-    """
+    evaluated. Raises SceneError: a wind that cannot be compiled, fails, or gives numbers that are not finite."""
     if all(drag.wind is None for drag in drags):
         return NoWind()
     addresses = np.zeros(len(drags), np.int64)

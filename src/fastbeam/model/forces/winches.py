@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.forces.winch import GAUSS, Winches, motion_of_ropes, weight_of_ropes
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods, without_adjoint
@@ -158,7 +159,6 @@ def ropes_of(model: Any) -> Winches | None:
 def rope_masses(table: Winches, q: Array) -> Any:
     """Assemble the masses of ropes and drums at q [12 N] on the coordinates of all nodes, sparse [12 N, 12 N]: those of T in
     (4.24), with w by the velocities of both ends of a segment and the rate of the length."""
-    from scipy import sparse
     x = q.reshape(-1, 12)[:, :3]
     a, b, drum = table.node.T
     length = table.length + (x[drum, 0] - table.origin)

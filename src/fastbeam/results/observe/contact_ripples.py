@@ -20,6 +20,7 @@ from fastbeam.model.mapping import shapes_at
 from fastbeam.scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
 from fastbeam.scene.interpolation.averaged_curves import averaged_curve
 from fastbeam.scene.interpolation.basis import Basis, build_basis
+from fastbeam.scene.paths import legs_of
 
 Array = np.ndarray
 # elements on each side of the one with the contact, Lagrange and splines; places in that one; degree of the fit to these
@@ -426,9 +427,9 @@ class Contacts:
             axis = np.einsum("ma,maj->mj", values, positions[nodes])
             for (k, slider, s), place in zip(some, axis):
                 nodes, shapes = shapes_at(self.model, k, float(state.s[k]), 0)
-                self._rounding(t, k, slider, beam, s, place - np.asarray(shapes[0] @ positions[nodes]))
+                self._rounding(t, slider, beam, s, place - np.asarray(shapes[0] @ positions[nodes]))
 
-    def _rounding(self, t: float, k: int, slider: Slider, beam: Beam, s: float, distance: Array) -> None:
+    def _rounding(self, t: float, slider: Slider, beam: Beam, s: float, distance: Array) -> None:
         """Note a slider at s of a beam whose curve lies so far beside the axis [3]."""
         off = float(np.linalg.norm(distance))
         if off > ROUNDED * self.model.length:
@@ -481,9 +482,8 @@ def stiffened_length(beam: Beam, s: float, bore: float, curve: str) -> float:
 def kinks_of(scene: Scene, slider: Slider) -> list[float]:
     """Return arc lengths, m, at which the curve of a slider may have a kink: joints of a path, and nodes inside of beams at which
     other parts act."""
-    beams = slider.beams
+    beams, senses = legs_of(slider.beam)
     starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
-    senses = slider.beam.directions if isinstance(slider.beam, Path) else (1,)
     out = set(starts[1:-1].tolist()) | ({0.0} if slider.is_endless else set())
     for part in scene.parts:
         for node in vars(part).values():

@@ -10,7 +10,7 @@ from fastbeam.interface.arguments import Listing, Names, Word
 from fastbeam.kernels import energies as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
-from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
+from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.loop import energy_of
 from fastbeam.kernels.state import State
@@ -142,7 +142,7 @@ class Observer:
             out["lin_mom"], out["ang_mom"] = self._out[1:4].copy(), self._out[4:7].copy()
         if self.energy:
             out["kinetic"] = float(self._out[0])
-            out["strain"] = self._strain_energy(state.q)
+            out["strain"] = self.strain_energy(state.q)
             if "joint_energy" in out:
                 self._in_stops = float(np.sum(out["joint_energy"][self.meshes.along]))
                 out["strain"] += float(np.sum(out["joint_energy"])) - self._in_stops
@@ -178,7 +178,7 @@ class Observer:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
                                   rate)
-            history = model.own(state.history, "slider_forces").reshape(-1, HISTORY).copy()
+            history = model.along_of(state.history).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
         if self.balance:
@@ -335,14 +335,23 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             # the strain energy of prestressed beams and springs has parts of first order, too
-            own = self._strain_energy(model.q0)
-            ahead, back = (self._strain_energy(model.q0 + sign * off) - own for sign in (1.0, -1.0))
+            own = self.strain_energy(model.q0)
+            ahead, back = (self.strain_energy(model.q0 + sign * off) - own for sign in (1.0, -1.0))
             strain, pull = 0.5 * abs(ahead + back), 0.5 * abs(ahead - back)
             floors["total"] = floors["balance"] = CALM * (1e3 * (0.5 * mass * speed**2 + strain) + pull + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], floors.get(name, 0.0))) > 0.0}
 
-    def _strain_energy(self, q: Array) -> float:
-        return strain_energy(self.model, q, self._work, self.strains)
+    def strain_energy(self, q: Array) -> float:
+        """Return the energy stored in all beams and springs at coordinates [12 N], J."""
+        model, work, total = self.model, self._work, 0.0
+        for tables, kind in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
+            if tables is not None:
+                total += kernels.strain_energy(tables, self.strains, model.n_nodes, q, kind, work, np.zeros(0))
+        if model.links:
+            work[0] = 0.0
+            energy_of(model.links, q, SPACE, work)
+            total += work[0]
+        return float(total)
 
     def _kinetic(self, q: Array, v: Array) -> None:
         """Evaluate kinetic energy and momenta into _out, momenta of the nodes into _p."""
@@ -368,7 +377,7 @@ class Observer:
         v[:, 0] -= v[0, 0].copy()
         v[:, 0] -= weight @ v[:, 0]
         self._kinetic(q.reshape(-1), v.reshape(-1))
-        return {"center": first + arm, "inner_energy": float(self._out[0]) + self._strain_energy(q.reshape(-1)),
+        return {"center": first + arm, "inner_energy": float(self._out[0]) + self.strain_energy(q.reshape(-1)),
                 "inner_spin": self._out[4:7].copy()}
 
     def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
@@ -415,20 +424,6 @@ def books_of_start(model: Model, given: Any, state: State, t: float, notes: list
             f"{total[1] - total[0]:.6g} J, {what!r} in balance()")
     return ({AT_START: {what: float(total[0] - total[1])}},
             [(kind, text + said if kind == "mended" else text) for kind, text in notes])
-
-
-def strain_energy(model: Model, q: Array, work: Array | None = None, strains: Array | None = None) -> float:
-    """Return the energy stored in all beams and springs, J; strains: reference strains, default those of the model."""
-    work, strains = empty(6) if work is None else work, model.reference_strains if strains is None else strains
-    total = 0.0
-    for tables, kind in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
-        if tables is not None:
-            total += kernels.strain_energy(tables, strains, model.n_nodes, q, kind, work, np.zeros(0))
-    if model.links:
-        work[0] = 0.0
-        energy_of(model.links, q, SPACE, work)
-        total += work[0]
-    return float(total)
 
 
 def conserved(model: Model, filtered: bool = False) -> list[str]:

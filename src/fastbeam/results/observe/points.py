@@ -14,7 +14,7 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.results.observe.resultants import Sections
 from fastbeam.scene import Beam, NodeRef, PointMass, RigidBody
-from fastbeam.scene.checks import Place
+from fastbeam.scene.checks import Place, nearest_triads
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ class PointSeries:
         self.places = {name: place_of(model, name, what) for name, what in given.items()}
         self.velocity, self.spin, self.orientation, self.acceleration = (
             kind in kinds and bool(given) for kind in ("velocity", "spin", "orientation", "acceleration"))
-        self.sections = [_section(model, name, what) for name, what in given.items()] if "section" in kinds else []
+        self.sections = [_section(model, what) for what in given.values()] if "section" in kinds else []
         # points on damped beams: number, and section
         self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
         # coordinates of these beams in the newest row
@@ -58,7 +58,7 @@ class PointSeries:
         if self.spin:
             out["point_spin"] = np.array([_spin(*(self._triad(x, *place) for x in (q, v))) for place in self.places.values()])
         if self.orientation:
-            out["point_directors"] = np.array([_orthonormal(self._triad(q, *place)) for place in self.places.values()])
+            out["point_directors"] = np.array([nearest_triads(self._triad(q, *place)) for place in self.places.values()])
         if self.sections:
             out |= {name: np.full((len(self.places), 3), np.nan) for name in ("section_force", "section_moment")}
             for k, section in enumerate(self.sections):
@@ -120,13 +120,7 @@ def _spin(d: Array, rates: Array) -> Array:
     return np.linalg.solve(np.sum(d * d) * np.eye(3) - d.T @ d, np.cross(d, rates).sum(axis=0))
 
 
-def _orthonormal(d: Array) -> Array:
-    """Return the triad nearest to three directors [3, 3]."""
-    u, _, v = np.linalg.svd(d)
-    return np.asarray(u @ v)
-
-
-def _section(model: Model, name: str, what: Any) -> Sections | None:
+def _section(model: Model, what: Any) -> Sections | None:
     """Return the section of an observed point; None where it lies on no beam."""
     if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
         what = what.owner, float(what.owner.basis.node_s[what.index])

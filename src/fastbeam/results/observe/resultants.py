@@ -15,6 +15,7 @@ from fastbeam.model.start import own_state
 from fastbeam.model.tables import elements_of, strain_gradient, strains_of
 from fastbeam.results.result import Result
 from fastbeam.scene import Beam
+from fastbeam.scene.checks import nearest_triads
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -25,16 +26,9 @@ Array = np.ndarray
 NEED = "must be arc lengths within the beam, m"
 
 
-class _Component:
-    """Descriptor: component of a force or moment along a director, [n, m]."""
-
-    def __init__(self, of: str, k: int) -> None:
-        self._of, self._k = of, k
-
-    def __get__(self, found: Any, owner: type | None = None) -> Array:
-        if found is None:
-            return self  # type: ignore[return-value]
-        return np.einsum("tsc,tsc->ts", getattr(found, self._of), found.directors[:, :, self._k])
+def _component(of: str, k: int) -> Any:
+    """Make a property: component of a force or moment along a director, [n, m]."""
+    return property(lambda found: np.einsum("tsc,tsc->ts", getattr(found, of), found.directors[:, :, k]))
 
 
 @dataclass(frozen=True)
@@ -73,17 +67,12 @@ class SectionForces:
     directors: Array
     strain_rates: Array | None = None
 
-    N, Q2, Q3 = (_Component("force", k) for k in range(3))
-    T, M2, M3 = (_Component("moment", k) for k in range(3))
+    N, Q2, Q3 = (_component("force", k) for k in range(3))
+    T, M2, M3 = (_component("moment", k) for k in range(3))
 
 
 def span_of(who: str, model: Model, beam: Any) -> slice:
-    """Return the nodes of a beam of a model; who: the call and argument, for messages.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return the nodes of a beam of a model; who: the call and argument, for messages. Raises SceneError."""
     if not isinstance(beam, Beam):
         raise SceneError(f"{who}: needs a beam of the scene, got {shown(beam)}; of a net one of its beams, net.beam(k)")
     try:
@@ -138,12 +127,12 @@ class Sections:
             stress += rates @ self.viscosity.T
         force, moment = forces_of(self.strain, stress, f, d, k)
         position = np.einsum("sn,tsnc->tsc", self.values, phi[:, self.at_nodes])
-        u, _, v = np.linalg.svd(np.einsum("sn,tsnkc->tskc", self.values, directors[:, self.at_nodes]))
+        triads = nearest_triads(np.einsum("sn,tsnkc->tskc", self.values, directors[:, self.at_nodes]))
         # about a fixed point the moment changes along the beam by what acts on it alone, so that a polynomial follows it best
         arm = np.einsum("sgn,tsgnc->tsgc", self.phi, phi[:, self.nodes]) - position[:, :, None]
         moment = moment + np.cross(arm, force)
         force, moment, strain = (self._through(x) for x in (force, moment, strain))
-        return SectionForces(np.asarray(t), self.s, force, moment, strain, position, u @ v,
+        return SectionForces(np.asarray(t), self.s, force, moment, strain, position, triads,
                              None if rates is None else self._through(rates))
 
     def strain_rates(self, q: Array, v: Array) -> Array:

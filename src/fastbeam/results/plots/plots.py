@@ -91,7 +91,9 @@ def plot_invariants(result: Result) -> Figure:
     SceneError
         The result holds neither energies nor momenta.
     """
-    _need_any(result, ("kinetic", "potential", "total", "lin_mom", "ang_mom"), "energies and momenta")
+    needed = "kinetic", "potential", "total", "lin_mom", "ang_mom"
+    if not any(name in result.series for name in needed):
+        raise SceneError(f"the result holds no energies and momenta: record at least one of {', '.join(needed)}")
     figure = new_figure((7.5, 6.0))
     upper, lower = figure.subplots(2, 1, sharex=True)
     _draw_energies(upper, result)
@@ -389,11 +391,6 @@ def _slider_name(result: Result, slider: str | None) -> str:
     if not names:
         raise SceneError("the result holds no slider: add a Slider to the scene, and keep 'slider' among observe=")
     return names[0] if slider is None else slider
-
-
-def _need_any(result: Result, names: tuple[str, ...], what: str) -> None:
-    if not any(name in result.series for name in names):
-        raise SceneError(f"the result holds no {what}: record at least one of {', '.join(names)}")
 
 
 def _cycle(n: int) -> list[Any]:

@@ -20,10 +20,8 @@ LEAST_PIECE = 1e-9
 
 
 def averaged_curve(basis: Basis, width: float) -> CurveBasis:
-    """Return the position basis of a beam averaged over `width`, m; made once for a basis and a width.
-
-    Raises SceneError: the width is not positive or longer than the beam.
-    """
+    """Return the position basis of a beam averaged over `width`, m; made once for a basis and a width. Raises SceneError: the
+    width is not positive or longer than the beam."""
     if not 0.0 < width <= basis.length:
         raise SceneError(f"averaged curve: width={width:.6g} m must be positive and at most the length of the beam, "
                          f"{basis.length:.6g} m")

@@ -170,10 +170,8 @@ class Basis:
         return CurveBasis(self.element_ends, np.arange(n) * p, np.full(n, p + 1), np.repeat(own[None], n, axis=0))
 
     def position_matrix(self, s: ArrayLike) -> tuple[Array, Array]:
-        """Return the position basis and its d/ds (1/m) at the arc lengths s [m] in m, two dense arrays [m, n_nodes].
-
-        Raises SceneError: if an s lies outside the beam.
-        """
+        """Return the position basis and its d/ds (1/m) at the arc lengths s [m] in m, two dense arrays [m, n_nodes]. Raises
+        SceneError: if an s lies outside the beam."""
         first, values, values_s = self.curve("own").evaluate(s)
         columns = first[:, None] + np.arange(self.degree + 1)
         matrix, matrix_s = np.zeros((first.size, self.n_nodes)), np.zeros((first.size, self.n_nodes))

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.scene.checks import nearest_triads
 from fastbeam.statics.arc_length import Direction, PathSolver, root
 
 Array = np.ndarray
@@ -42,14 +43,8 @@ Found = tuple[float, int, tuple[Any, ...]]
 class PathStep:
     """Step along a path, of which parts can be taken.
 
-    Parameters
-    ----------
-    solver : PathSolver
-        Solver at the end of the step. Eigenvalues are those of its judge.
-    before : tuple
-        State of the solver saved at the beginning of the step.
-    along : Direction
-    size : float
+    solver: solver at the end of the step. Eigenvalues are those of its judge.
+    before: state of the solver saved at the beginning of the step.
     """
 
     def __init__(self, solver: PathSolver, before: tuple[Any, ...], along: Direction, size: float) -> None:
@@ -127,8 +122,7 @@ class PathStep:
         q, s, force, factor = (sum(w * x for w, x in zip(weights, part)) for part in zip(*states))
         if self.solver.stepper.plane is None:
             triads = q.reshape(-1, 4, 3)[:, 1:]
-            u, _, v = np.linalg.svd(triads)
-            triads[:] = u @ v
+            triads[:] = nearest_triads(triads)
         else:
             u = q.reshape(-1, 4)[:, 2:]
             u /= np.linalg.norm(u, axis=1)[:, None]
@@ -138,12 +132,8 @@ class PathStep:
     def first(self, rates: tuple[float, float] | None, unstable: int | None, counted: int | None) -> CriticalPoint | None:
         """Find the first critical point, with the solver there; None, with the solver at the end, where there is none.
 
-        Parameters
-        ----------
-        rates : (float, float), optional
-            Rates of the load factor at the beginning and the end, where they differ in sign.
-        unstable, counted : int, optional
-            Negative eigenvalues of the tangent at the beginning and the end.
+        rates: (float, float), rates of the load factor at the beginning and the end, where they differ in sign.
+        unstable, counted: negative eigenvalues of the tangent at the beginning and the end.
         """
         known = unstable is not None and counted is not None
         found: list[Found] = []
@@ -174,7 +164,7 @@ class PathStep:
             self.solver.restore(limit[1])
             return CriticalPoint("limit", limit[0], min(unstable or 0, behind or 0), behind)
         if best is not None:
-            here = [x for x in found if self._is_at(x[0], best[0])]
+            here = [x for x in found if abs(x[0] - best[0]) <= TOGETHER * self.size]
             number = min(x[1] for x in here)
             way = 1 if number >= (unstable or 0) else -1
             self.solver.restore(best[2])
@@ -186,9 +176,6 @@ class PathStep:
         """Go so far."""
         self.solver.restore(self.before)
         return bool(self.solver.go(self.along, size))
-
-    def _is_at(self, a: float, b: float) -> bool:
-        return abs(a - b) <= TOGETHER * self.size
 
     def _turns(self, size: float, number: int, at: tuple[Any, ...]) -> bool:
         """Return whether the path is tangent to vectors of the eigenvalues that vanish at a saved state, at this part of the

@@ -41,12 +41,7 @@ KINDS = ("limit", "bifurcation")
 
 
 def which_branch(value: Any) -> int:
-    """Check that a side is 1 or -1.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check that a side is 1 or -1. Raises Refusal."""
     side = whole(value)
     if side not in (1, -1):
         raise Refusal(f"must be 1 or -1, the side to which the path branches off, got {shown(value)}")
@@ -156,7 +151,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                     wanted_of(model, stop, points))
     path.aside = begun.aside
     for kind, text in begun.notes:
-        path.buffer.event({"kind": kind, "time": 0.0, "text": text})
+        path.event(kind, 0.0, text)
     begun.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
@@ -237,13 +232,8 @@ class _Task:
         return found
 
     def first_solver(self, at_time: float | tuple[float, float] | None) -> tuple[PathSolver, str]:
-        """Make a solver at the start, with a judge in space, or with the reason why there is none.
-
-        Raises
-        ------
-        SceneError
-            The start is no equilibrium, or something is held by nothing.
-        """
+        """Make a solver at the start, with a judge in space, or with the reason why there is none. Raises SceneError: the start
+        is no equilibrium, or something is held by nothing."""
         model = self.model
         may_leave = model.plane is not None and not model.asked_for_plane
         # the scene leaves its plane with its supports, if it may
@@ -267,12 +257,7 @@ class _Task:
 
 
 def _first_step(to: float, load_factor: float, step: float, largest_step: float, smallest_step: float) -> float:
-    """Return the length of the first step.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return the length of the first step. Raises SceneError."""
     step = min(step, largest_step)
     if not smallest_step <= step:
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
@@ -284,13 +269,7 @@ def _first_step(to: float, load_factor: float, step: float, largest_step: float,
 
 def _growing(who: str, model: Model, stays: Array, at_time: float | tuple[float, float] | None, moves: Any,
              prestrains: Any) -> _Growing:
-    """Collect what changes with the load factor.
-
-    Raises
-    ------
-    SceneError
-        Nothing changes, or one of the arguments is not usable.
-    """
+    """Collect what changes with the load factor. Raises SceneError: nothing changes, or one of the arguments is not usable."""
     stays_put = moves is None and prestrains is None
     rides = _rides(who, model, at_time, moves, stays_put)
     # laws that do not grow act in full, as springs do
@@ -313,13 +292,7 @@ def _growing(who: str, model: Model, stays: Array, at_time: float | tuple[float,
 
 def _checked_start(who: str, model: Model, start: State | None, growing: _Growing
                    ) -> tuple[State | None, list[tuple[str, str]]]:
-    """Check a start; return it and its events.
-
-    Raises
-    ------
-    SceneError
-        It is missing, or is none.
-    """
+    """Check a start; return it and its events. Raises SceneError: it is missing, or is none."""
     if start is None and (np.any(growing.factors[0]) and np.any(model.loads.entries) or growing.acts and growing.laws.begins):
         raise SceneError(f"{who}: the start carries loads already; give the equilibrium to begin from, "
                          "solve_static(model, at_time=...).state")
@@ -344,12 +317,7 @@ def _rides(who: str, model: Model, at_time: float | tuple[float, float] | None, 
 
 
 def _moves(who: str, model: Model, moves: Any) -> dict[int, Array]:
-    """Return displacements and rotation vectors of nodes that supports hold, (6,) each.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return displacements and rotation vectors of nodes that supports hold, (6,) each. Raises SceneError."""
     if not isinstance(moves, Mapping) or not moves:
         raise SceneError(f"{who}, moves: must be a mapping {{support or its node: displacement (3,) in m, or (6,) with a "
                          f"rotation vector in rad}}, got {shown(moves)}")
@@ -373,13 +341,8 @@ def _moves(who: str, model: Model, moves: Any) -> dict[int, Array]:
 
 
 def _prestrains(who: str, model: Model, prestrains: Any) -> ReferenceStrains:
-    """Return reference strains whose prestrains change until load factor 1.
-
-    Raises
-    ------
-    SceneError
-        No mapping of beams of the scene to finite numbers, or all are zero.
-    """
+    """Return reference strains whose prestrains change until load factor 1. Raises SceneError: no mapping of beams of the scene
+    to finite numbers, or all are zero."""
     if not isinstance(prestrains, Mapping) or not prestrains:
         raise SceneError(f"{who}, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
     out = []

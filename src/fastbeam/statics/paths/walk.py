@@ -1,29 +1,25 @@
 """Continuation along a path of equilibria: lengths of steps, critical and wanted points within them, rows (theory.md 12)."""
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fastbeam.compile.links import Passes
-from fastbeam.dynamics.interrupt import Interrupts
-from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
-from fastbeam.kernels.state import State
+from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.model.model import Model
-from fastbeam.results.observe.observer import Observer
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.progress import Progress
-from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.arc_length import Direction, PathSolver
 from fastbeam.statics.linear_response import place_events
-from fastbeam.statics.load_steps import KEPT, RECORDED
+from fastbeam.statics.load_steps import KEPT
 from fastbeam.statics.path_stops import Wanted
 from fastbeam.statics.paths.critical_points import CriticalPoint, PathStep, mode_of, type_of_bifurcation
 from fastbeam.statics.reactions import reactions_of
+from fastbeam.statics.rows import StaticRows
 
 Array = np.ndarray
 # steps in which the path turns by more (cosine) are halved
@@ -61,13 +57,16 @@ class _Step:
     found: CriticalPoint | None = None
 
 
-class PathWalk:
+class PathWalk(StaticRows):
     """Walk along a path of equilibria, with the rows of its result."""
 
     def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
                  smallest: float, most: int, observe: Sequence[str] = (), wanted: Sequence[Wanted] = ()) -> None:
-        Observer(model, observe, points)  # refuses what does not exist
-        self.model, self.solver = model, solver
+        judge = solver.judge
+        super().__init__(model, "path", observe, points, solver, {
+            "critical_points": [], "conservative": not judge.is_unsymmetric,
+            "counted_in": "space" if judge.stepper.plane is None else "plane"}, {"load_factor": (), "unstable_directions": ()})
+        self.solver = solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
         # state at which the present step begins
         self.begun_at: tuple[Any, ...] | None = None
@@ -77,17 +76,6 @@ class PathWalk:
         # quantities that end the path, and how far they are off their values
         self.wanted, self.off = wanted, np.zeros(0)
         self.resolution = Resolution(model, solver.strains)
-        observed = "slider", "joint", *(kind for kind in observe if kind in RECORDED)
-        self.observer = Observer(model, observed, points, strains=solver.strains)
-        self.reactions = reactions_of(solver, self.observer)
-        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
-                                     "conservative": not solver.judge.is_unsymmetric,
-                                     "counted_in": "space" if solver.judge.stepper.plane is None else "plane"}
-        header = self.observer.header(self.info)
-        header.series |= {"load_factor": (), "unstable_directions": ()}
-        self.buffer = ResultBuffer(header)
-        self.passes = Passes(model.lines, self.buffer.event)
-        self.begin = time.perf_counter()
         self.length, self.rows, self.iterations = 0.0, 0, 0
         # load factors at which the number of unstable directions is not known
         self.open: list[float] = []
@@ -101,16 +89,10 @@ class PathWalk:
         """Keep a row and a shape of the present equilibrium."""
         self.solver.count_turns()
         state, (t, share) = self.solver.state, self.solver.drives_at or (0.0, None)
-        row = {**self.observer.row(t, state), "iterations": iterations, "step_size": size,
-               "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
-        if self.observer.needs_forces:
-            found = self.reactions.at(self.solver.load_factors, state) if self.reactions else ()
-            self.observer.add_forces(row, np.concatenate((state.force, found)), share)
-        self.buffer.append(row, self.length)
-        q = state.q.reshape(-1, 4, 3)
-        self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
+        row = self.row(t, state, iterations, size, self.solver.load_factors, share)
+        row |= {"load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
+        self.keep(self.length, row, state, f"the load factor {self.solver.factor:.6g}")
         self.resolution.look(self.length, state)
-        self.passes.look(state.q, self.length, f"the load factor {self.solver.factor:.6g}")
         if unstable is None:
             self.open.append(self.solver.factor)
         self.rows += 1
@@ -124,45 +106,27 @@ class PathWalk:
             text = (f"at {len(self.open)} rows, between load factors {min(self.open):.6g} and {max(self.open):.6g}, the number "
                     "of unstable directions is not known, so bifurcations may be missing there; check with fb.modes(model, "
                     "state=..., load_factor=...)")
-            self.buffer.event({"kind": "unresolved", "time": self.length, "text": text})
+            self.event("unresolved", self.length, text)
         if not self.info["conservative"]:
-            self.buffer.event({"kind": "nonconservative", "time": self.length, "text": FLUTTER})
-        result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,
-                                                "wall_time": time.perf_counter() - self.begin})
-        result.state = State(*(x.copy() for x in self.solver.state))
-        return result
+            self.event("nonconservative", self.length, FLUTTER)
+        return self.closed(self.solver.state, solver=self.solver.name, steps=self.rows - 1, iterations=self.iterations)
 
     def to(self, to: float, stop_at: str | None, branch: int | None) -> Result:
         """Follow the path until this load factor, or a critical point of this kind; branch: number of the branch at the
-        bifurcation where the path begins.
-
-        Raises
-        ------
-        ConvergenceError, Interrupted
-        """
+        bifurcation where the path begins. Raises ConvergenceError or Interrupted."""
         bar = Progress(float(self.most), f"{self.model.scene_name}: path")
-        try:
-            with Interrupts() as self.solver.interrupts:
+        with bar, self.guarded(self.finish, lambda: self.length, lambda: f"load factor {self.solver.factor:.6g}"
+                               ) as self.solver.interrupts:
+            try:
                 self._go(to, stop_at, branch, bar)
                 for event in place_events(self.solver, self.model):
                     self.buffer.event({**event, "time": self.length})
-        except ConvergenceError:
-            raise
-        except Exception as failed:
-            bar.close()
-            if self.begun_at is not None:
-                self.solver.restore(self.begun_at)
-            self.buffer.event({"kind": "failed", "time": self.length, "text": f"{type(failed).__name__}: {failed}"})
-            carry(failed, self.finish)
-            raise
-        except KeyboardInterrupt as stopped:
-            bar.close()
-            result = self.finish()
-            raise Interrupted(f"load factor {self.solver.factor:.6g}: interrupted; the last equilibrium is in .state, everything "
-                              "until then in .result", result=result, state=result.state) from stopped
-        bar.close()
+            except Exception as failed:
+                if self.begun_at is not None and not isinstance(failed, ConvergenceError):
+                    self.solver.restore(self.begun_at)
+                raise
         if self.aside and (stop_at is not None or any(point["kind"] == "bifurcation" for point in self.info["critical_points"])):
-            self.buffer.event({"kind": "plane", "time": self.length, "text": self.aside})
+            self.event("plane", self.length, self.aside)
         return self.finish()
 
     def _go(self, to: float, stop_at: str | None, branch: int | None, bar: Progress) -> None:
@@ -182,7 +146,7 @@ class PathWalk:
             if step is not None and self.rows == 1 and branch is not None:
                 # changes on the first step off a bifurcation are no events
                 self.sign = float(np.sign(step.after.factor))
-            elif step is not None and not self._looks(step, stop_at, bar):
+            elif step is not None and not self._looks(step, stop_at):
                 step = None
             passes = step is not None and (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to
             if step is not None and passes and self._arrives(step, to):
@@ -192,7 +156,7 @@ class PathWalk:
                 stuck = step is None and self.step <= self.smallest and self.rows > 1
                 behind = self._around_corner(along, stop_at) if stuck else None
                 if behind is None:
-                    self._shorten(bar)
+                    self._shorten()
                     continue
                 if behind is along:
                     return
@@ -209,7 +173,7 @@ class PathWalk:
                      "which the scene buckles")
         else:
             text += "continue from result.state with load_factor=, or increase most_points"
-        self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
+        self.event("stopped", self.length, text)
 
     def _taken(self, before: tuple[Any, ...], along: Direction) -> _Step | None:
         """Take the next step, up to the first wanted quantity within it; None where it fails or the path turns too far."""
@@ -258,11 +222,10 @@ class PathWalk:
             return False
         self.length += back
         self.record(step.iterations, back, self.solver.judge.unstable())
-        self.buffer.event({"kind": "closed", "time": self.length,
-                           "text": f"the path is back at its start, load factor {self.solver.factor:.6g}"})
+        self.event("closed", self.length, f"the path is back at its start, load factor {self.solver.factor:.6g}")
         return True
 
-    def _looks(self, step: _Step, stop_at: str | None, bar: Progress) -> bool:
+    def _looks(self, step: _Step, stop_at: str | None) -> bool:
         """Look for the first critical point within a step, which ends there then. False where one was not located in a step that
         may be divided."""
         whole = PathStep(self.solver, step.before, step.along, step.size)
@@ -273,7 +236,7 @@ class PathWalk:
                 return False
             what = "the load factor turns around" if rates is not None and found is None else (
                 f"the number of unstable directions changes from {self.unstable} to {step.counted}")
-            self._lost(whole, what, stop_at, bar)
+            self._lost(whole, what, stop_at)
         if found is not None:
             step.found, step.size, step.counted, step.met = found, found.size, found.unstable, None
             step.after, step.off = self._direction(step.along), self._off_values()
@@ -303,7 +266,7 @@ class PathWalk:
         bar.update(1.0)
         if met is not None:
             text = f"load factor {self.solver.factor:.12g}: {met.label} is {met.value:.12g}"
-            self.buffer.event({"kind": "wanted", "time": self.length, "text": text})
+            self.event("wanted", self.length, text)
             return True
         self.off = step.off
         if found is None or found.kind != stop_at:
@@ -346,12 +309,7 @@ class PathWalk:
         return met[1], after
 
     def _first(self, to: float) -> Direction:
-        """Find the first direction.
-
-        Raises
-        ------
-        ConvergenceError
-        """
+        """Find the first direction. Raises ConvergenceError."""
         solver = self.solver
         # the start may not quite be an equilibrium
         sign = 1.0 if to > solver.factor else -1.0
@@ -367,12 +325,7 @@ class PathWalk:
         return along
 
     def _off(self, branch: int) -> Direction:
-        """Find the first direction on another path through a bifurcation.
-
-        Raises
-        ------
-        SceneError, ConvergenceError
-        """
+        """Find the first direction on another path through a bifurcation. Raises SceneError or ConvergenceError."""
         solver, judge = self.solver, self.solver.judge
         number = judge.unstable() or 0
         found, _ = judge.branches(number, self.step)
@@ -407,16 +360,9 @@ class PathWalk:
         found = self.solver.direction(along)
         return along if found is None or self.solver.product(along, found) < LEAST_COSINE else found
 
-    def _shorten(self, bar: Progress) -> None:
-        """Halve the step.
-
-        Raises
-        ------
-        ConvergenceError
-            It is the smallest.
-        """
+    def _shorten(self) -> None:
+        """Halve the step. Raises ConvergenceError: it is the smallest."""
         if self.step <= self.smallest:
-            bar.close()
             solver, result = self.solver, self.finish()
             where = solver.stepper.label_of(solver.stepper.worst_node()[0])
             to_end = np.min(np.abs(solver.stepper.core_state.s - solver.ends.T), axis=0) / solver.lengths
@@ -465,25 +411,19 @@ class PathWalk:
         self.undivided = self.undivided or self.step
         return self.step > max(self.smallest, 0.0 if stop_at else FINEST * self.undivided)
 
-    def _lost(self, step: PathStep, what: str, stop_at: str | None, bar: Progress) -> None:
-        """Add an event about a change within a step that was not located; the next step is as long as before.
-
-        Raises
-        ------
-        ConvergenceError
-            The path ends at a critical point, which may be this one.
-        """
+    def _lost(self, step: PathStep, what: str, stop_at: str | None) -> None:
+        """Add an event about a change within a step that was not located; the next step is as long as before. Raises
+        ConvergenceError: the path ends at a critical point, which may be this one."""
         low, high = sorted((step.before[3], step.end[3]))
         text = f"between load factors {low:.12g} and {high:.12g} {what}, but the critical point was not located"
         if stop_at is not None:
-            bar.close()
             self.solver.restore(step.before)
             result = self.finish()
             raise ConvergenceError(f"{text}, where the path may have to end (stop_at={stop_at!r}). Give another step=, or leave "
                                    "stop_at out and read info['critical_points']; the last equilibrium before is in .state, "
                                    "everything until then in .result", step=self.rows - 1, time=self.length,
                                    state=result.state, result=result)
-        self.buffer.event({"kind": "unresolved", "time": self.length, "text": f"{text}; use a smaller largest_step there"})
+        self.event("unresolved", self.length, f"{text}; use a smaller largest_step there")
         self.step, self.undivided = self.undivided or self.step, None
 
     def _note(self, found: CriticalPoint, sign: float) -> None:
@@ -511,7 +451,7 @@ class PathWalk:
         """Add a critical point to the result, with an event."""
         self.info["critical_points"].append(point)
         text = f"load factor {point['load_factor']:.12g}: {text}"
-        self.buffer.event({"kind": point["kind"], "time": point["length"], "text": text})
+        self.event(point["kind"], point["length"], text)
 
 
 def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
