@@ -373,8 +373,8 @@ def restore_state(system):
 
 @kernel
 def begin_again(terms, system, h, k):
-    """Begin step k of size h once more, with the fallback of friction from its first guess on: slip directions that cycle may have
-    led far from it."""
+    """Begin step k of size h once more with the fallback of friction: slip directions that cycle may have led far from the first
+    guess."""
     restore_state(system)
     put_loads.each(terms, system, k)
     begin_step.call(system.method, terms, system, h)
