@@ -306,6 +306,8 @@ class Links:
                 self.groups.append(Group(entry, parts, node, laws, words))
         # coordinates that joints with axes leave free, with the nodes and directions of the joint
         self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
+        # whether something acts on them
+        self.acting = np.array([freedom.acts for freedom, *_ in self.freedoms], bool)
         # coordinates with multipliers, prescribed ones first: their constraints are the last of all
         self.driven: list[ConstrainedJoint] = []
         for freedom, at, frame in self.freedoms:
@@ -332,7 +334,7 @@ class Links:
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
         out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
         # forces on the coordinates of joints couple their nodes, whatever conditions the joints have
-        acting = [(at, x.shape.is_angle) for x, at, _ in self.freedoms if x.acts]
+        acting = [(at, x.shape.is_angle) for (x, at, _), acts in zip(self.freedoms, self.acting) if acts]
         links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]
         links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2),
                       np.array([turns for _, turns in acting], bool)))

@@ -1,7 +1,7 @@
 """Joints with multipliers: number of forces, and derivatives of their gaps by the motions of both nodes, for reactions and for
 velocities of a scene that is not compiled. The gaps themselves are compiled.
 
-Coordinates x [2, 4, 3] are position and directors of nodes a and b.
+Coordinates x [n, 4, 3] are position and directors of its nodes, mostly two, a and b.
 """
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Law(Protocol):
         """Return the number of multipliers; dim: components of a position."""
 
     def lead(self, x: Array) -> Array:
-        """Return the derivative [m, 2, 4, 3] of the gap by the coordinates."""
+        """Return the derivative [m, n, 4, 3] of the gap by the coordinates."""
 
     def within(self, axes: Array) -> Array:
         """Select the conditions that are left in a plane of these axes [3, 3] from those in space, [m in the plane, m]."""
@@ -73,17 +73,24 @@ class Distance:
 
 
 class ConstrainedJoint(NamedTuple):
-    """Joint with multipliers, or a part of its conditions, between two nodes."""
+    """Joint with multipliers, or a part of its conditions, between two nodes; or the coupling of coordinates of several joints."""
 
     name: str
-    node: tuple[int, int]  # nodes a and b
+    node: tuple[int, ...]  # nodes a and b; of a coupling the nodes of its joints, each once
     law: Law
+    # of a coupling its coordinates: factor in the gap, and the constraint that would hold the coordinate alone
+    coupled: tuple[tuple[float, ConstrainedJoint], ...] = ()
 
     @property
     def joint(self) -> str:
         """Name of the joint, without its kind and the part of its conditions."""
         quoted = re.fullmatch(r"[a-z ]+ '(.+)'(?: \([a-z ]+\))?", self.name)
         return self.name if quoted is None else quoted[1]
+
+    @property
+    def shares(self) -> tuple[tuple[float, ConstrainedJoint], ...]:
+        """Constraints between two nodes that its forces act on, each with its factor: of a coupling the coordinates, else itself."""
+        return self.coupled or ((1.0, self),)
 
     def forces(self, dim: int) -> int:
         """Return the number of its multipliers; dim: components of a position."""
@@ -94,12 +101,12 @@ class ConstrainedJoint(NamedTuple):
         return np.full(self.forces(3), self.law.rate)
 
     def by_velocities(self, x: Array) -> list[tuple[int, Array, Array]]:
-        """Return the number of each node, and the derivatives of the gaps by its velocity and spin [m, 3]; x [2, 4, 3]."""
+        """Return the number of each node, and the derivatives of the gaps by its velocity and spin [m, 3]; x [n, 4, 3]."""
         lead = self.law.lead(x)
         out = []
-        for k in (0, 1):
+        for k, node in enumerate(self.node):
             # sum of d_i x (derivative by d_i): the axial vector of a matrix, in a tenth of the time of numpy.cross
             t = x[k, 1:].T @ lead[:, k, 1:]
             turned = np.stack((t[:, 1, 2] - t[:, 2, 1], t[:, 2, 0] - t[:, 0, 2], t[:, 0, 1] - t[:, 1, 0]), axis=1)
-            out.append((self.node[k], lead[:, k, 0], turned))
+            out.append((node, lead[:, k, 0], turned))
         return out
