@@ -33,10 +33,12 @@ from fastbeam.model.forces.user_forces import Loaded, UserLaws, asked_of, force_
 from fastbeam.model.forces.winches import Hoists, Ropes, WinchRows
 from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, Law, Together
 from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.joints.couplings import Couplings, couplings_of
 from fastbeam.model.joints.tables import bearing_nodes, conditions_of, frames_of, joint_conditions
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import BallJoint, Bushing, Damper, DistanceJoint, ForceElement, LineForce, Scene, Spring
 from fastbeam.scene.axis_joint import AxisJoint
+from fastbeam.scene.gear_coupling import relations_of
 from fastbeam.scene.links import Link, label_of
 
 Array = np.ndarray
@@ -306,8 +308,11 @@ class Links:
                 self.groups.append(Group(entry, parts, node, laws, words))
         # coordinates that joints with axes leave free, with the nodes and directions of the joint
         self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
+        self.couplings = couplings_of(relations_of(scene.parts), self.freedoms)
+        coupled = [k for link in self.couplings for k in link.law.which]
         # whether something acts on them
-        self.acting = np.array([freedom.acts for freedom, *_ in self.freedoms], bool)
+        self.acting = np.isin(np.arange(len(self.freedoms)), coupled)
+        self.acting |= np.array([freedom.acts for freedom, *_ in self.freedoms], bool)
         # coordinates with multipliers, prescribed ones first: their constraints are the last of all
         self.driven: list[ConstrainedJoint] = []
         for freedom, at, frame in self.freedoms:
@@ -354,7 +359,7 @@ class Links:
                 (label_of(part) if part else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}") + word, (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
-        return out + self.driven
+        return out + self.couplings + self.driven
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -373,9 +378,11 @@ class Links:
         lines = self.lines
         springs = self.of(Spring, Damper, Bushing)[0]
         outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
+        coupled = [self.freedoms[k][0].name for link in self.couplings for k in link.law.which]
         tells = self.losses or springs or lines or self.ropes.winches
         return [*([LinkForces(self.losses, partial(_evaluators_of, self), lines)] if tells else []),
                 *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
+                *([Couplings(self.couplings, coupled)] if self.couplings else []),
                 *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
                 *self._laws()]
 

@@ -68,7 +68,7 @@ def power_of(result: Result, name: str) -> Array:
 RATES = {"angle": "spin", "distance": "speed", "swing": "swing_rate", "twist": "spin"}
 FORCES = {"angle": "torque", "distance": "force", "swing": "cone_torque", "twist": "torque"}
 # other forces on coordinates, and the list of joints that have them
-PUSHED = {"drive": "driven"}
+PUSHED = {"drive": "driven", "coupling": "coupled"}
 
 
 def joint_of(result: Result, name: str) -> dict[str, Array]:

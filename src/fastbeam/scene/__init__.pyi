@@ -45,6 +45,7 @@ from fastbeam.scene.distance_joint import DistanceJoint as DistanceJoint
 from fastbeam.scene.drag import Drag as Drag
 from fastbeam.scene.fixed import GROUND as GROUND
 from fastbeam.scene.force_element import ForceElement as ForceElement
+from fastbeam.scene.gear_coupling import GearCoupling as GearCoupling
 from fastbeam.scene.joints import PrismaticJoint as PrismaticJoint
 from fastbeam.scene.joints import RevoluteJoint as RevoluteJoint
 from fastbeam.scene.line_force import LineForce as LineForce
