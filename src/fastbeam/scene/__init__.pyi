@@ -58,6 +58,7 @@ from fastbeam.scene.paths import Path as Path
 from fastbeam.scene.prescribed_motion import PrescribedMotion as PrescribedMotion
 from fastbeam.scene.prescribed_motion import Signal as Signal
 from fastbeam.scene.scene import Scene as Scene
+from fastbeam.scene.screw_joint import ScrewJoint as ScrewJoint
 from fastbeam.scene.sections import Section as Section
 from fastbeam.scene.sleeves import Sleeve as Sleeve
 from fastbeam.scene.slider_forces import Drive as Drive
