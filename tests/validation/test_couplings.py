@@ -58,7 +58,7 @@ def test_a_nut_on_a_screw_falls_with_its_reduced_acceleration() -> None:
         torque, force = joint["coupling"][middle]
         assert force == pytest.approx(2.0 * (G - exact), rel=1e-4)
         assert torque == pytest.approx(-LEAD * force, rel=1e-14)
-    assert errors[1] < 1e-5 * 0.5 * exact * 0.4**2 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.02)
+    assert errors[1] < 2e-5 * 0.5 * exact * 0.4**2 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.02)
 
 
 def test_a_nut_turns_many_times_in_large_steps() -> None:
@@ -72,12 +72,12 @@ def test_a_nut_turns_many_times_in_large_steps() -> None:
 
 def test_a_torque_of_weight_times_pitch_by_a_turn_holds_the_nut() -> None:
     weight = 2.0 * G
-    sprung = fb.solve_static(fb.compile_scene(nut(stiffness=(0.5, 0.0))), progress=False)
+    sprung = fb.solve_static(fb.compile_scene(nut(stiffness=(0.5, 0.0))))
     joint = sprung.joint("thread")
     assert joint["angle"][-1] == pytest.approx(-weight * LEAD / 0.5, rel=1e-12)
     np.testing.assert_allclose(joint["coupling"][-1], (-weight * LEAD, weight), rtol=1e-12)
     # over several turns, which takes several steps
-    held = fb.solve_static(fb.compile_scene(nut(angle=20.0)), progress=False)
+    held = fb.solve_static(fb.compile_scene(nut(angle=20.0)))
     joint = held.joint("thread")
     assert joint["distance"][-1] == pytest.approx(20.0 * LEAD, rel=1e-12)
     assert joint["torque"][-1] == pytest.approx(weight * LEAD, rel=1e-11)
@@ -86,7 +86,7 @@ def test_a_torque_of_weight_times_pitch_by_a_turn_holds_the_nut() -> None:
 @pytest.mark.parametrize("angle", [False, True], ids=["along", "about"])
 def test_a_screw_on_springs_vibrates_with_the_reduced_mass(angle: bool) -> None:
     model = fb.compile_scene(nut(stiffness=(0.7, 0.0) if angle else (0.0, 900.0)))
-    rest = fb.solve_static(model, progress=False)
+    rest = fb.solve_static(model)
     found = fb.modes(model, n=1, state=rest.state)
     stiffness = 0.7 if angle else 900.0 * LEAD**2
     assert found.frequencies[0] == pytest.approx(np.sqrt(stiffness / (0.003 + 2.0 * LEAD**2)) / (2 * np.pi), rel=1e-11)
@@ -113,7 +113,7 @@ def test_a_left_hand_thread_goes_the_other_way_and_stops_hold_both_coordinates()
     joint = fb.ScrewJoint(fb.GROUND, body, "thread", axis=(0, 0, 1), pitch=-PITCH, stops=(None, fb.Stops(start=-0.01, restitution=1)))
     result = run(fb.Scene(body, joint, gravity=(0, 0, -G)), 1.2, 0.002, every=1)
     found = result.joint("thread")
-    assert np.min(found["distance"]) == pytest.approx(-0.01, abs=1e-12) and np.max(found["angle"]) > 3.0
+    assert np.min(found["distance"]) == pytest.approx(-0.01, abs=1e-9) and np.max(found["angle"]) > 3.0
     np.testing.assert_allclose(found["distance"], -LEAD * found["angle"], rtol=0.0, atol=1e-15)
     assert result.drift("total") < 1e-12
     last = np.flatnonzero(result.t > 0.6)
@@ -249,7 +249,7 @@ def test_a_given_angle_of_one_wheel_turns_the_other() -> None:
     np.testing.assert_allclose(two["angle"], -4.0 * 3.0 * result.t**2, rtol=0.0, atol=1e-12)
     assert one["torque"][200] == pytest.approx(6.0 * (0.3 + 16.0 * 0.05), rel=1e-2)
     assert two["coupling"][200] == pytest.approx(-24.0 * 0.05, rel=1e-2) and result.drift("balance") < 1e-12
-    rest = fb.solve_static(fb.compile_scene(pair(-4.0, one=dict(angle=2.5), two=dict(stiffness=0.3))), progress=False)
+    rest = fb.solve_static(fb.compile_scene(pair(-4.0, one=dict(angle=2.5), two=dict(stiffness=0.3))))
     assert rest.joint("two")["angle"][-1] == pytest.approx(-10.0, rel=1e-13)
     assert rest.joint("one")["torque"][-1] == pytest.approx(16.0 * 0.3 * 2.5, rel=1e-12)
 
@@ -263,7 +263,7 @@ def test_a_pendulum_on_its_head_stands_as_long_as_the_geared_spring_is_stiff_eno
     joints = [fb.RevoluteJoint(fb.GROUND, top.point((0, 0, -1)), "one", axis=(0, 1, 0)),
               hinge(fb.GROUND, other, "two", stiffness=spring / ratio**2)]
     model = fb.compile_scene(fb.Scene(top, other, *joints, fb.GearCoupling(*joints, "gear", ratio=ratio), gravity=(0, 0, -G)))
-    assert fb.solve_static(model, progress=False).info["unstable_directions"] == unstable
+    assert fb.solve_static(model).info["unstable_directions"] == unstable
 
 
 def test_friction_of_one_wheel_holds_both_up_to_its_torque() -> None:
@@ -343,7 +343,7 @@ def test_equilibria_have_their_derivatives() -> None:
 
     def rim(**values: float) -> Array:
         scene, points = geared(**values)
-        return np.asarray(fb.solve_static(fb.compile_scene(scene), points=points, progress=False).point("rim")[-1])
+        return np.asarray(fb.solve_static(fb.compile_scene(scene), points=points).point("rim")[-1])
 
     for name, value in (("k", 3.0), ("ratio", 2.0), ("pull", 0.5)):
         e = 1e-3 * value
@@ -375,10 +375,10 @@ def test_runs_have_their_gradients() -> None:
 def test_relaxation_comes_to_rest_where_the_equilibrium_is() -> None:
     scene, points = geared()
     model = fb.compile_scene(scene)
-    rest = fb.solve_static(model, points=points, progress=False)
-    found = fb.relax(model, points=points, progress=False)
+    rest = fb.solve_static(model, points=points)
+    found = fb.relax(model, points=points)
     np.testing.assert_allclose(found.point("rim")[-1], rest.point("rim")[-1], atol=1e-9)
-    path = fb.solve_path(model, points=points, progress=False)
+    path = fb.solve_path(model, points=points)
     np.testing.assert_allclose(path.state.q, rest.state.q, atol=1e-9)
 
 
@@ -395,8 +395,7 @@ def test_a_step_of_order_four_and_filtered_steps_take_gears_and_other_methods_do
 
 # ---------------------------------------------------------------------------------------------------------------- messages
 def test_what_leads_out_of_a_plane_is_in_space() -> None:
-    body = fb.RigidBody("nut", mass=1.0, inertia=(0.1, 0.1, 0.1), velocity=(0.1, 0, 0))
-    scene = fb.Scene(body, fb.ScrewJoint(fb.GROUND, body, "thread", axis=(0, 0, 1), pitch=PITCH), project_velocities=True)
+    scene = nut()
     assert fb.compile_scene(scene).plane is None
     with pytest.raises(fb.SceneError, match=r"screw joint 'thread' \(thread\) leads out of the plane"):
         fb.compile_scene(scene, planar=True)
