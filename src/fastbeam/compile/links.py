@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.ties import Ties
 from fastbeam.kernels.forces.bushing import Bushings
 from fastbeam.kernels.forces.force_element import ForceElements
 from fastbeam.kernels.forces.line_force import LineForces
@@ -22,7 +23,7 @@ from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.jit.sources import is_outside
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
-from fastbeam.kernels.terms import assemble
+from fastbeam.kernels.terms import NoTies, assemble
 from fastbeam.model.connections import Connections
 from fastbeam.model.feature import Feature
 from fastbeam.model.forces.bushings import BushingRows, bushings
@@ -31,7 +32,7 @@ from fastbeam.model.forces.link_forces import BushingForces, LinkForces, Outside
 from fastbeam.model.forces.spring_laws import SpringRows, spring_laws
 from fastbeam.model.forces.user_forces import Loaded, UserLaws, asked_of, force_elements, line_forces
 from fastbeam.model.forces.winches import Hoists, Ropes, WinchRows
-from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, Law, Together
+from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, GapLaw, Law, Together
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.joints.couplings import Couplings, couplings_of
 from fastbeam.model.joints.tables import bearing_nodes, conditions_of, frames_of, joint_conditions
@@ -96,6 +97,11 @@ class Ends:
         self.first = np.array([first])
 
 
+# gap(part, x, start) -> [m]: gaps of a link at coordinates x [2, 4, 3], positions and directors of both nodes; start: those at
+# t = 0
+Gap = Callable[[Any, Array, Array], Any]
+
+
 @dataclass(frozen=True)
 class Entry:
     """Kind of link."""
@@ -104,6 +110,7 @@ class Entry:
     table: Callable[[Ends], Any]  # makes the table of all links of this kind from their `Ends`
     couples: bool = True  # true if it adds to the blocks between its nodes
     law: Law | None = None  # constraint of a joint with multipliers; for joints with axes it depends on the joint
+    gap: Gap | None = None  # gaps of a joint with multipliers from outside
     needs_distance: bool = False  # true if it makes no sense between points at the same place
     takes: Callable[[Any], bool] | None = None  # returns whether a link belongs to this kind; default: links of the class `noun`
 
@@ -142,8 +149,8 @@ REGISTRY = [
 ]
 
 
-def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
-    """Register a new kind of link between two points for scenes: one with a force law, without multipliers.
+def register(noun: type[Link], table: Callable[[Ends], Any], gap: Gap | None = None) -> None:
+    """Register a new kind of link between two points for scenes: one with a force law, or with gaps and a multiplier for each.
 
     Parameters
     ----------
@@ -152,11 +159,14 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
     table : callable
         The constants of all links of this kind from their `Ends`: a named tuple of C-contiguous arrays. Its class is the term for
         which `assemble` and `potential_energy` have implementations.
+    gap : callable, optional
+        gap(part, x, start) -> [m], m <= 6, of a constraint: the gaps that kernels close, in m, from the coordinates [2, 4, 3] of
+        both nodes, positions and directors in rows, now and at t = 0; of sums, products and roots, which takes complex numbers.
 
     Raises
     ------
     TypeError
-        `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` cannot be called.
+        `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` or `gap` cannot be called.
     """
     if not (isinstance(noun, type) and issubclass(noun, Link)) or noun is Link:
         raise TypeError(f"register_link: {noun!r} must be a class derived from Link")
@@ -164,9 +174,11 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
         raise TypeError(f"register_link: {noun.__name__}.kind must be a text for messages, got {noun.kind!r}")
     if not callable(table):
         raise TypeError(f"register_link: the table of {noun.__name__} must be a function of Ends, got {table!r}")
+    if gap is not None and not callable(gap):
+        raise TypeError(f"register_link: the gap of {noun.__name__} must be a function of (part, x, start), got {gap!r}")
     if any(entry.noun is noun for entry in REGISTRY):
         raise TypeError(f"register_link: {noun.__name__} is registered already")
-    REGISTRY.append(Entry(noun, table))
+    REGISTRY.append(Entry(noun, table, gap=gap))
 
 
 class Lines(NamedTuple):
@@ -255,6 +267,8 @@ def _tested(entry: Entry, table: Any) -> Any:
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
         raise TypeError(f"{who} must be a named tuple of arrays, got {type(table).__name__}")
     for name, x in zip(table._fields, table):
+        if name == "ties" and isinstance(x, (NoTies, Ties)):
+            continue
         if not isinstance(x, np.ndarray) or x.dtype not in (np.float64, np.int64) or not x.flags.c_contiguous:
             found = f"an array of {x.dtype}, shape {x.shape}" if isinstance(x, np.ndarray) else type(x).__name__
             raise TypeError(f"{who}: {name} must be a C-contiguous array of float64 or int64, got {found}")
@@ -302,6 +316,8 @@ class Links:
                 sets = [(x, at, *found) for x, at, frame in self.with_axes for found in conditions_of(x, frame)]
                 parts, laws, words = [x[0] for x in sets], [x[3] for x in sets], [x[2] for x in sets]
                 node = np.array([x[1] for x in sets], np.int64).reshape(-1, 2)
+            elif entry.gap is not None:
+                laws = [GapLaw(part, entry.gap, nodes.coordinates(at)) for part, at in zip(parts, node.tolist())]
             if entry.needs_distance:
                 _check_distances(parts, node, nodes.phi)
             if parts:
@@ -377,7 +393,8 @@ class Links:
         """Features of links, ropes and laws between two points."""
         lines = self.lines
         springs = self.of(Spring, Damper, Bushing)[0]
-        outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
+        outside = {type(group.parts[0]).__name__: group.entry.gap is not None for group in self.groups
+                   if is_outside(group.entry.noun)}
         coupled = [self.freedoms[k][0].name for link in self.couplings for k in link.law.which]
         tells = self.losses or springs or lines or self.ropes.winches
         return [*([LinkForces(self.losses, partial(_evaluators_of, self), lines)] if tells else []),

@@ -52,12 +52,14 @@ class ACoordinate:
             return value
         joint, word = value if isinstance(value, tuple) and len(value) == 2 else (value, None)
         if not isinstance(joint, AxisJoint) or not (word is None or isinstance(word, str)):
-            raise Refusal(f"must be a joint with an axis, as RevoluteJoint or PrismaticJoint, or (joint, 'angle'), got {shown(value)}")
+            raise Refusal("must be a joint with an axis, as RevoluteJoint or PrismaticJoint, or (joint, 'angle'), got "
+                          f"{shown(value)}")
         words = {f"{x.which}{x.shape.what}": k for k, x in enumerate(joint.freedoms) if x.shape.what in COUPLED}
         if word is None and len(words) == 1:
             return JointCoordinate(joint, *words.values())
         if word not in words:
-            raise Refusal(f"must name a coordinate of {joint.label}, {listed([repr(x) for x in words])}: (joint, {next(iter(words))!r})"
+            named = listed([repr(x) for x in words])
+            raise Refusal(f"must name a coordinate of {joint.label}, {named}: write (joint, {next(iter(words))!r})"
                           + ("" if word is None else f", got {word!r}"))
         return JointCoordinate(joint, words[word])
 
@@ -99,7 +101,8 @@ class GearCoupling:
     Examples
     --------
     >>> from fastbeam.scene import GROUND, GearCoupling, RevoluteJoint, RigidBody, Scene
-    >>> small, large = (RigidBody(n, mass=1.0, inertia=(1, 1, x), position=(x, 0, 0)) for n, x in (('small', 0.2), ('large', 0.8)))
+    >>> small = RigidBody('small', mass=1.0, inertia=(1, 1, 0.2), position=(0, 0, 0))
+    >>> large = RigidBody('large', mass=4.0, inertia=(1, 1, 3.2), position=(0.5, 0, 0))
     >>> one, two = (RevoluteJoint(GROUND, wheel, axis=(0, 0, 1)) for wheel in (small, large))
     >>> scene = Scene(small, large, one, two, GearCoupling(one, two, 'gear', ratio=-0.25))
     >>> scene.check()
@@ -117,8 +120,8 @@ class GearCoupling:
         if self.name is None:
             checks.fill(self, name=f"{self.kind} of {self.first.label} and {self.second.label}")
         if self.first == self.second:
-            raise SceneError(f"{self.label}: both coordinates are the {self.first.freedom.shape.what} of {self.first.joint.label}; "
-                             "a gear needs two")
+            raise SceneError(f"{self.label}: both coordinates are the {self.first.freedom.shape.what} of "
+                             f"{self.first.joint.label}; a gear needs two")
         if self.ratio == 0.0:
             raise SceneError(f"{self.label}: ratio must not be 0, with which the second coordinate would stand still")
 
@@ -160,11 +163,11 @@ def check_relations(relations: list[Relation], joints: Iterable[AxisJoint], scen
             roots.append(one)
         a, b = roots
         if a == b:
-            raise SceneError(f"{relation.label}: other couplings relate both coordinates already, which are held twice in this loop; "
-                             "leave one of them out")
+            raise SceneError(f"{relation.label}: other couplings relate both coordinates already, which are held twice in this "
+                             "loop; leave one of them out")
         if holder[a] and holder[b]:
-            raise SceneError(f"{relation.label}: {holder[a]} and {holder[b]}, but the coupling lets either hold the other; leave one "
-                             "of them out, or the coupling")
+            raise SceneError(f"{relation.label}: {holder[a]} and {holder[b]}, but the coupling lets either hold the other; leave "
+                             "one of them out, or the coupling")
         group[a], holder[b] = b, holder[a] or holder[b]
 
 

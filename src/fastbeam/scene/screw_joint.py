@@ -12,8 +12,8 @@ from fastbeam.scene.axis_joint import JOINED, SIDE
 from fastbeam.scene.checks import noun
 from fastbeam.scene.compound_joints import ANGLE_AND_DISTANCE, CylindricalJoint, each_of
 from fastbeam.scene.gear_coupling import JointCoordinate, Relation
-from fastbeam.scene.slider_forces import OfTime
 from fastbeam.scene.joint_freedoms import times_of
+from fastbeam.scene.slider_forces import OfTime
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, pitch=Number(unit="m"), torque=OfTime("N m"), force=OfTime("N"),
@@ -23,8 +23,8 @@ from fastbeam.scene.joint_freedoms import times_of
 class ScrewJoint(CylindricalJoint):
     """Screw: part b goes along an axis of a by `pitch` for each turn about it, as a nut on a threaded rod (theory.md (4.36)).
 
-    `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0, and in `coupling` the torque
-    and the force that the thread exerts on b, N m and N.
+    `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0, and in `coupling` the
+    torque and the force that the thread exerts on b, N m and N.
 
     Parameters
     ----------

@@ -6,11 +6,17 @@ Coordinates x [n, 4, 3] are position and directors of its nodes, mostly two, a a
 from __future__ import annotations
 
 import re
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from fastbeam.interface.arguments import shown
+from fastbeam.interface.errors import SceneError
+
 Array = np.ndarray
+# most gaps of a link from outside, and how open they may be at t = 0, next to its coordinates
+MOST_GAPS, CLOSED = 6, 1e-9
 
 
 class Law(Protocol):
@@ -72,8 +78,57 @@ class Distance:
         return np.eye(1)
 
 
+class GapLaw:
+    """Constraint of a kind of link from outside by a function of its coordinates.
+
+    part: the link.
+    gap: gap(part, x, start) -> [m], see `links.register`.
+    start: float64 [2, 4, 3], coordinates at t = 0.
+    Raises SceneError: the gaps are not numbers, or are open at t = 0.
+    """
+
+    is_vector, is_angle, holds, rate = False, False, True, 0.0
+
+    def __init__(self, part: Any, gap: Callable[[Any, Array, Array], Any], start: Array) -> None:
+        self._part, self._gap, self._start = part, gap, start
+        found = self._gaps(start)
+        size = 1.0 + float(np.max(np.abs(start[:, 0])))
+        if found.dtype != float or found.ndim != 1 or not 1 <= found.size <= MOST_GAPS:
+            raise SceneError(f"{part.name}: its gap must return from 1 to {MOST_GAPS} numbers, got {shown(found)}")
+        if not np.all(np.abs(found) <= CLOSED * size):
+            raise SceneError(f"{part.name}: its gap is {shown(found)} at t = 0, and has to be 0; move its ends")
+        self._count = found.size
+        along = np.random.default_rng(0).standard_normal(start.shape)
+        # one-sided, to see kinks
+        slope = (self._gaps(start + 1e-7 * size * along) - self._gaps(start)) / (1e-7 * size)
+        found = np.einsum("msic,sic->m", self.lead(start), along)
+        if not np.allclose(found, slope, rtol=1e-3, atol=1e-3 * float(np.max(np.abs(slope)))):
+            raise SceneError(f"{part.name}: the derivative of its gap by complex numbers is {shown(found)}, but differences have "
+                             f"{shown(slope)}; write it without abs, norm, conj and real")
+
+    def _gaps(self, x: Array) -> Array:
+        return np.asarray(self._gap(self._part, x, self._start))
+
+    def forces(self, dim: int) -> int:
+        """Return the number of gaps, one multiplier each."""
+        return self._count
+
+    def lead(self, x: Array) -> Array:
+        """Return the derivative [m, 2, 4, 3] of the gaps by the coordinates."""
+        out = np.zeros((self._count, x.size))
+        for k in range(x.size):
+            moved = x.astype(complex)
+            moved.reshape(-1)[k] += 1e-30j
+            out[:, k] = self._gaps(moved).imag * 1e30
+        return out.reshape(self._count, *x.shape)
+
+    def within(self, axes: Array) -> Array:
+        """Return the identity [m, m]: all gaps are left in a plane."""
+        return np.eye(self._count)
+
+
 class ConstrainedJoint(NamedTuple):
-    """Joint with multipliers, or a part of its conditions, between two nodes; or the coupling of coordinates of several joints."""
+    """Joint with multipliers, or a part of its conditions, between two nodes; or a coupling of coordinates of joints."""
 
     name: str
     node: tuple[int, ...]  # nodes a and b; of a coupling the nodes of its joints, each once
@@ -89,7 +144,7 @@ class ConstrainedJoint(NamedTuple):
 
     @property
     def shares(self) -> tuple[tuple[float, ConstrainedJoint], ...]:
-        """Constraints between two nodes that its forces act on, each with its factor: of a coupling the coordinates, else itself."""
+        """Constraints between two nodes that its forces act on, with a factor: the coordinates of a coupling, else itself."""
         return self.coupled or ((1.0, self),)
 
     def forces(self, dim: int) -> int:
