@@ -324,10 +324,10 @@ class Links:
                 self.groups.append(Group(entry, parts, node, laws, words))
         # coordinates that joints with axes leave free, with the nodes and directions of the joint
         self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
-        self.couplings = couplings_of(relations_of(scene.parts), self.freedoms)
-        coupled = [k for link in self.couplings for k in link.law.which]
+        # screws and gears, and their coordinates
+        self.couplings, self.coupled = couplings_of(relations_of(scene.parts), self.freedoms)
         # whether something acts on them
-        self.acting = np.isin(np.arange(len(self.freedoms)), coupled)
+        self.acting = np.isin(np.arange(len(self.freedoms)), self.coupled)
         self.acting |= np.array([freedom.acts for freedom, *_ in self.freedoms], bool)
         # coordinates with multipliers, prescribed ones first: their constraints are the last of all
         self.driven: list[ConstrainedJoint] = []
@@ -395,11 +395,11 @@ class Links:
         springs = self.of(Spring, Damper, Bushing)[0]
         outside = {type(group.parts[0]).__name__: group.entry.gap is not None for group in self.groups
                    if is_outside(group.entry.noun)}
-        coupled = [self.freedoms[k][0].name for link in self.couplings for k in link.law.which]
+        coupled = [self.freedoms[k][0].name for k in self.coupled.reshape(-1)]
         tells = self.losses or springs or lines or self.ropes.winches
         return [*([LinkForces(self.losses, partial(_evaluators_of, self), lines)] if tells else []),
                 *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
-                *([Couplings(self.couplings, coupled)] if self.couplings else []),
+                *([Couplings(self.couplings, self.coupled, coupled)] if self.couplings else []),
                 *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
                 *self._laws()]
 

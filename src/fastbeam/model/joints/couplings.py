@@ -20,15 +20,12 @@ Array = np.ndarray
 class Coupling:
     """Constraint of two coordinates of joints: the gap is the sum of both, each times its factor; its unit is that of the second.
 
-    coupled: factors and coordinates, as in `ConstrainedJoint`.
-    node: numbers of the nodes of all joints, each once.
-    which: int64 [2], the coordinates among those that the joints of the scene leave free.
+    coupled, node: as in `ConstrainedJoint`.
     """
 
     is_vector, holds, rate = False, True, 0.0
 
-    def __init__(self, coupled: tuple[tuple[float, ConstrainedJoint], ...], node: tuple[int, ...], which: Array) -> None:
-        self.which, self.factor = which, np.array([factor for factor, _ in coupled])
+    def __init__(self, coupled: tuple[tuple[float, ConstrainedJoint], ...], node: tuple[int, ...]) -> None:
         self.is_angle = coupled[-1][1].law.is_angle
         self._parts = [(factor, one.law, [node.index(k) for k in one.node]) for factor, one in coupled]
 
@@ -48,29 +45,30 @@ class Coupling:
         return np.eye(1)
 
 
-def couplings_of(relations: list[Any], freedoms: list[Any]) -> list[ConstrainedJoint]:
-    """Return the constraints of relations between joint coordinates; freedoms: coordinates, nodes and frames as in
-    `links.Links`."""
+def couplings_of(relations: list[Any], freedoms: list[Any]) -> tuple[list[ConstrainedJoint], Array]:
+    """Return the constraints of D relations between joint coordinates, and the numbers of these, int64 [D, 2]; freedoms:
+    coordinates, nodes and frames as in `links.Links`."""
     first: dict[Any, int] = {}
     for k, (freedom, *_) in enumerate(freedoms):
         first.setdefault(freedom.joint, k)
+    which = np.array([[first[joint] + k for joint, k in (one.first, one.second)] for one in relations], np.int64).reshape(-1, 2)
     out = []
-    for relation in relations:
-        coupled, which = [], []
-        for factor, (joint, k) in ((-relation.ratio, relation.first), (1.0, relation.second)):
-            freedom, at, frame = freedoms[first[joint] + k]
-            which.append(first[joint] + k)
-            coupled.append((factor, ConstrainedJoint(freedom.force_label("coupling"), at, Coordinate(freedom.shape, frame))))
+    for relation, numbers in zip(relations, which.tolist()):
+        coupled: tuple[tuple[float, ConstrainedJoint], ...] = ()
+        for factor, k in zip((-relation.ratio, 1.0), numbers):
+            freedom, at, frame = freedoms[k]
+            one = ConstrainedJoint(freedom.force_label("coupling"), at, Coordinate(freedom.shape, frame))
+            coupled += ((factor, one),)
         node = tuple(dict.fromkeys(k for _, one in coupled for k in one.node))
-        law = Coupling(tuple(coupled), node, np.array(which))
-        out.append(ConstrainedJoint(relation.label, node, law, tuple(coupled)))
-    return out
+        out.append(ConstrainedJoint(relation.label, node, Coupling(coupled, node), coupled))
+    return out, which
 
 
 class Couplings(Feature):
     """Screws and gears, D of them.
 
     links: their constraints.
+    which: int64 [D, 2], the coordinates among those that the joints of the scene leave free.
     joints: names of all coupled joints.
     """
 
@@ -78,10 +76,10 @@ class Couplings(Feature):
     constrains = True
     lacks = (unknown_to_methods("screws and gears", lambda couplings, asked: couplings.labels),)
 
-    def __init__(self, links: list[ConstrainedJoint], joints: list[str]) -> None:
-        self.labels, self.joints = [link.name for link in links], joints
-        # int64 and float64 [D, 2]
-        self.which, self.factor = (np.array([getattr(link.law, name) for link in links]) for name in ("which", "factor"))
+    def __init__(self, links: list[ConstrainedJoint], which: Array, joints: list[str]) -> None:
+        self.labels, self.which, self.joints = [link.name for link in links], which, joints
+        # float64 [D, 2]
+        self.factor = np.array([[factor for factor, _ in link.coupled] for link in links])
 
     @property
     def constants(self) -> tuple[Array, Array]:
