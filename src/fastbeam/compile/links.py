@@ -23,7 +23,7 @@ from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.jit.sources import is_outside
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
-from fastbeam.kernels.terms import NoTies, assemble
+from fastbeam.kernels.terms import Conserving, NoTies, assemble
 from fastbeam.model.connections import Connections
 from fastbeam.model.feature import Feature
 from fastbeam.model.forces.bushings import BushingRows, bushings
@@ -272,7 +272,7 @@ def _tested(entry: Entry, table: Any) -> Any:
         if not isinstance(x, np.ndarray) or x.dtype not in (np.float64, np.int64) or not x.flags.c_contiguous:
             found = f"an array of {x.dtype}, shape {x.shape}" if isinstance(x, np.ndarray) else type(x).__name__
             raise TypeError(f"{who}: {name} must be a C-contiguous array of float64 or int64, got {found}")
-    if not assemble.covers(type(table)):
+    if not (assemble.covers(type(table)) or assemble.covers(type(table), Conserving)):
         raise TypeError(f"{who}: {type(table).__name__} has no assemble function; import the module with "
                         f"@assemble.register({type(table).__name__}), which serves all methods")
     return table
