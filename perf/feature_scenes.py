@@ -159,6 +159,14 @@ def revolute(h: Host, **options: Any) -> None:
     h.arm(lambda a, b: fb.RevoluteJoint(a, b, "j", axis=(0, 1, 0), **options))
 
 
+def gear(h: Host) -> None:
+    joints: list[Any] = []
+    h.arm(lambda a, b: joints.append(fb.RevoluteJoint(a, b, "j", axis=(0, 1, 0))) or joints[0])
+    wheel = fb.RigidBody("wheel", mass=0.2, inertia=(1e-3, 2e-3, 1e-3), position=h.place(0.3, 0.5))
+    spring = fb.RevoluteJoint(ground(h, 0.3, 0.5), wheel, "spring", axis=(0, 1, 0), stiffness=0.2)
+    h.add(wheel, spring, fb.GearCoupling(joints[0], spring, "gear", ratio=-1.5))
+
+
 def twisted(h: Host) -> None:
     h.slide(fb.Sleeve, keyed=False, length=0.1, friction=0.2, radius=0.02)
     h.add(fb.Load("twist", h.apex, moment=(0, 0, 0.02)))
@@ -296,6 +304,7 @@ FEATURES: dict[str, Act] = {
     "cylindrical": joined(lambda a, b: fb.CylindricalJoint(a, b, "j", axis=(1, 0, 0))),
     "cylindrical friction": joined(lambda a, b: fb.CylindricalJoint(a, b, "j", axis=(1, 0, 0), friction=(1e-3, 0.05)),
                                    friction="j"),
+    "screw": joined(lambda a, b: fb.ScrewJoint(a, b, "j", axis=(1, 0, 0), pitch=0.1)), "gear": gear,
     "prismatic": joined(lambda a, b: fb.PrismaticJoint(a, b, "j", axis=(1, 0, 1))),
     "planar joint": joined(lambda a, b: fb.PlanarJoint(a, b, "j", normal=(0, 1, 0))),
     "spherical": joined(lambda a, b: fb.SphericalJoint(a, b, "j", axis=(1, 0, 0), stiffness=(0.2, 0.2), damping=(0.01, 0.01))),

@@ -41,6 +41,8 @@ hinge = fb.RevoluteJoint(fb.GROUND, block, axis=[0, 1, 0], angle=lambda t: 2.0 *
 hinge2 = fb.RevoluteJoint(a.end, block, axis=(0, 1, 0), stops=fb.Stops(-1.0, 1.0, stiffness=1e4), friction=2.0)
 guide = fb.PrismaticJoint(fb.GROUND.point((0, 0, 0)), block, axis=(1, 0, 0), force=3.0)
 other = fb.CylindricalJoint(fb.GROUND, block, axis=(1, 0, 0), stiffness=(1, 2)), fb.PlanarJoint(a.end, block, normal=(0, 0, 1))
+screw = fb.ScrewJoint(fb.GROUND, block, axis=(1, 0, 0), pitch=0.01, friction=(1, 0))
+gears = fb.GearCoupling(hinge, guide, ratio=0.1), fb.GearCoupling((screw, "angle"), hinge2, "gear", ratio=-2)
 cardan = fb.UniversalJoint(a.end, block, axis_a=(0, 0, 1), axis_b=(0, 1, 0), torque=(1.0, None))
 ball = fb.SphericalJoint(a.end, block, axis=(0, 0, 1), stiffness=(1, 2), cone=fb.Stops(end=0.5))
 spring = fb.Spring(a.end, fb.GROUND.point((0, 0, 1)), table=([-1, 0, 1], [-2, 0, 3]), interpolation="spline")

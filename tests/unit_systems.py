@@ -415,6 +415,7 @@ JOINTS: dict[str, Callable[[Host], None]] = {
     "hinge with friction": _joint(fb.RevoluteJoint, ("axis", Y), friction=lambda h: h.draw(1e-4, 1e-2) * h.u.Nm),
     "universal joint": _joint(fb.UniversalJoint, ("axis_a", Y), ("axis_b", X)),
     "cylindrical joint": _joint(fb.CylindricalJoint, ("axis", X)),
+    "screw joint": _joint(fb.ScrewJoint, ("axis", X), pitch=lambda h: h.draw(0.05, 0.2) * h.u.m),
     "prismatic joint": _joint(fb.PrismaticJoint, ("axis", (1, 0, 1))),
     "planar joint": _joint(fb.PlanarJoint, ("normal", Y)),
     "spherical joint": _joint(fb.SphericalJoint, ("axis", X), stiffness=lambda h: (0.2 * h.u.Nm,) * 2,

@@ -1,4 +1,4 @@
-"""Every feature in every analysis: 76 x 26 pairs, each checked against another way to find the same numbers.
+"""Every feature in every analysis: 78 x 26 pairs, each checked against another way to find the same numbers.
 
     python perf/stress/features.py OUT.json --md OUT.md                  all pairs, an hour; those in OUT.json are not run again
     python perf/stress/features.py OUT.json --features winch --analyses static path

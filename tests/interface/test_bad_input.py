@@ -257,6 +257,9 @@ LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_
               one_sided=either(VECTOR, is_a(fb.OneSided)))
 STEADY = one_of(fb.Spin, fb.Travel)
 OF_TIME = either(is_real, is_function)
+HINGE = fb.RevoluteJoint(fb.GROUND, BODY, "hinge of the block", axis=(0, 1, 0))
+TABLE = fb.PlanarJoint(fb.GROUND, BODY, "table", normal=(0, 0, 1))
+A_JOINT = one_of(fb.RevoluteJoint, fb.PlanarJoint)
 IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops),
                 coefficient=is_real, length=is_real, drive=is_a(fb.Drive))
 
@@ -346,6 +349,8 @@ def calls(folder: Path) -> dict[str, Call]:
             displacement=either(is_real, VECTOR), baseline=is_count)),
         "RigidConnection": Call(fb.RigidConnection, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
+        "GearCoupling": Call(fb.GearCoupling, dict(first=HINGE, second=(TABLE, "angle"), ratio=2.0), dict(
+            first=A_JOINT, second=either(A_JOINT, is_list_of(either(A_JOINT, is_text))), name=is_text, ratio=is_real)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real, damping=is_real,
@@ -363,6 +368,8 @@ def calls(folder: Path) -> dict[str, Call]:
                 | {"radius": is_real}),
                ("PrismaticJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("force", "distance"), OF_TIME)),
                ("CylindricalJoint", dict(axis=(0, 1, 0)), IN_EACH
+                | dict.fromkeys(("torque", "force", "angle", "distance"), OF_TIME)),
+               ("ScrewJoint", dict(axis=(0, 1, 0), pitch=0.1), IN_EACH | {"pitch": is_real}
                 | dict.fromkeys(("torque", "force", "angle", "distance"), OF_TIME)),
                ("PlanarJoint", dict(normal=(0, 1, 0)), IN_EACH | dict(along=VECTOR) | dict.fromkeys(("torque", "angle"), OF_TIME)
                 | dict.fromkeys(("force", "distance"), SOME_OF_TIME)),

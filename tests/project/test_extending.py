@@ -72,7 +72,7 @@ def write_page(folder: Path) -> None:
     for code in re.findall(r"```python\n(.*?)```", PAGE, re.S):
         name = code.split("\n", 1)[0].removeprefix("# ")
         files[name] = files.get(name, "") + code
-    assert sorted(files) == ["my_spring.py", "use.py"]
+    assert sorted(files) == ["my_rod.py", "my_spring.py", "use.py", "use_rod.py"]
     for name, code in files.items():
         (folder / name).write_text(code)
 
@@ -87,9 +87,70 @@ def python(folder: Path, *arguments: str, **environment: str) -> Any:
     return json.loads(done.stdout.splitlines()[-1]) if done.stdout else None
 
 
-def test_code_of_the_page_runs(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["use", "use_rod"])
+def test_code_of_the_page_runs(tmp_path: Path, name: str) -> None:
     write_page(tmp_path)
-    assert python(tmp_path, str(tmp_path / "use.py")) is None
+    assert python(tmp_path, str(tmp_path / f"{name}.py")) is None
+
+
+RODS = """
+import json, sys
+import numpy as np
+import fastbeam as fb
+from my_rod import MyRod
+
+SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+
+
+def swing(rod, flat):
+    beam = fb.Beam.straight("b", (0, 0, 0), (1, 0, 0), section=SOFT, elements=3)
+    bob = fb.RigidBody("bob", mass=2.0, inertia=(0.1, 0.2, 0.3), position=(1.2, 0, -0.8), velocity=(0, 0.0 if flat else 0.4, 0))
+    mass = fb.PointMass("mass", mass=0.3, position=(1.5, 0, -1.2))
+    return fb.Scene(beam, bob, mass, fb.Clamp(beam.start), rod(beam.end, bob.point((0, 0, 0.1)), "one"), rod(bob, mass, "two"),
+                    gravity=(0, 0, -9.81), project_velocities=True)
+
+
+def both(find):
+    return [float(np.max(np.abs(np.asarray(x) - y))) for x, y in zip(*(find(kind) for kind in (fb.DistanceJoint, MyRod)))]
+
+
+def run(flat):
+    def found(kind):
+        result = fb.simulate(fb.compile_scene(swing(kind, flat)), t_end=0.2, step=0.01, progress=False,
+                             observe=("energy", "reaction"))
+        return result.state.q, result.series["total"], result.reaction("one")["force"], result.reaction("two")["force"]
+    return found
+
+
+def rest(kind):
+    model = fb.compile_scene(swing(kind, True))
+    result = fb.solve_static(model)
+    return result.state.q, fb.modes(model, state=result.state, n=4).frequencies
+
+
+print(json.dumps([both({"space": run(False), "plane": run(True), "rest": rest}[name]) for name in sys.argv[1:]]))
+"""
+
+
+def test_rod_from_outside_is_that_of_the_package(tmp_path: Path) -> None:
+    write_page(tmp_path)
+    for found in python(tmp_path, "-c", RODS, "space", "plane", "rest"):
+        assert np.max(found) < 1e-9, found
+
+
+@pytest.mark.usefixtures("registry")
+def test_gaps_that_are_none_are_refused() -> None:
+    for gap, text in ((lambda part, x, start: [1.0], "its gap is .* at t = 0, and has to be 0"),
+                      (lambda part, x, start: ["a"], "its gap must return from 1 to 6 numbers"),
+                      (lambda part, x, start: [abs(x[1, 0, 0] - start[1, 0, 0])], "the derivative of its gap by complex"),
+                      (lambda part, x, start: [abs(x[1, 0, 0]) - 1.0], "write it without abs, norm, conj and real")):
+        links.REGISTRY[:] = [entry for entry in links.REGISTRY if entry.noun is not Tie]
+        extend.register_link(Tie, Ties, gap)
+        with pytest.raises(fb.SceneError, match=text):
+            fb.compile_scene(scene())
+    links.REGISTRY[:] = [entry for entry in links.REGISTRY if entry.noun is not Tie]
+    with pytest.raises(TypeError, match="the gap of Tie must be a function of"):
+        extend.register_link(Tie, Ties, 3.0)
 
 
 @pytest.mark.parametrize("names", [["space", "plane"], pytest.param(["midpoint", "statics"], marks=pytest.mark.slow)])

@@ -12,12 +12,12 @@ import fastbeam as fb
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import Calls
 from fastbeam.kernels.state import State
-from fastbeam.model.gap_rows import ConstraintGaps
+from fastbeam.model.gap_rows import ConstraintGaps, is_constraint
 from fastbeam.model.mapping import contact, follow, turned
 from fastbeam.model.maps import RowMap, velocity_map
 from fastbeam.model.model import Model
 from fastbeam.statics.slider_friction import turned_with_sleeves, with_friction
-from fastbeam.stepping.assembled import CONSTRAINTS, Constraints, Equations, SaddleMatrix, entries_of_matrix
+from fastbeam.stepping.assembled import Constraints, Equations, SaddleMatrix, entries_of_matrix
 from fastbeam.stepping.stepper import Stepper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -138,7 +138,7 @@ def test_compiled_rows_of_a_step_with_equal_ends_are_the_static_equations(make: 
         found = found._replace(bent=turned_with_sleeves(RowMap(model, twin.axes), {}, stepper.state))
     stepper.parts.assemble(0.0)
     r, matrix = work.r.copy(), matrix_of(stepper, found)
-    others = Calls(tuple(term for term in stepper.terms if not isinstance(term, CONSTRAINTS)))
+    others = Calls(tuple(term for term in stepper.terms if not is_constraint(term)))
     work.f_ext[:] = twin.loads(weights, stepper.state.q, state.force)
     kernels.assemble_all(*others.on(stepper.records[1]), 0.0)
     rows, n = core.pattern.n, len(core.dofs)

@@ -302,7 +302,7 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             add(what.format(nodes.labels[k[worst]]), float(amount[worst]), "rotation" in what, remedy)
     moving_nodes = (np.any(v, axis=1) | np.any(omega, axis=1)).tolist()
     for link in kept:
-        at_rest = not (moving_nodes[link.node[0]] or moving_nodes[link.node[1]] or link.law.rate)
+        at_rest = not (any(moving_nodes[k] for k in link.node) or link.law.rate)
         if at_rest or not link.law.holds:
             continue
         rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_velocities(nodes.coordinates(link.node)))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.ties import Ties
 from fastbeam.kernels.forces.bushing import Bushings
 from fastbeam.kernels.forces.force_element import ForceElements
 from fastbeam.kernels.forces.line_force import LineForces
@@ -22,7 +23,7 @@ from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.jit.sources import is_outside
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
-from fastbeam.kernels.terms import assemble
+from fastbeam.kernels.terms import Conserving, NoTies, assemble
 from fastbeam.model.connections import Connections
 from fastbeam.model.feature import Feature
 from fastbeam.model.forces.bushings import BushingRows, bushings
@@ -31,12 +32,14 @@ from fastbeam.model.forces.link_forces import BushingForces, LinkForces, Outside
 from fastbeam.model.forces.spring_laws import SpringRows, spring_laws
 from fastbeam.model.forces.user_forces import Loaded, UserLaws, asked_of, force_elements, line_forces
 from fastbeam.model.forces.winches import Hoists, Ropes, WinchRows
-from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, Law, Together
+from fastbeam.model.joints.constraints import Distance, ConstrainedJoint, GapLaw, Law, Together
 from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.joints.couplings import Couplings, couplings_of
 from fastbeam.model.joints.tables import bearing_nodes, conditions_of, frames_of, joint_conditions
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import BallJoint, Bushing, Damper, DistanceJoint, ForceElement, LineForce, Scene, Spring
 from fastbeam.scene.axis_joint import AxisJoint
+from fastbeam.scene.gear_coupling import relations_of
 from fastbeam.scene.links import Link, label_of
 
 if TYPE_CHECKING:
@@ -90,6 +93,11 @@ class Ends:
         self.first = np.array([first])
 
 
+# gap(part, x, start) -> [m]: gaps of a link at coordinates x [2, 4, 3], positions and directors of both nodes; start: those at
+# t = 0
+Gap = Callable[[Any, Array, Array], Any]
+
+
 @dataclass(frozen=True)
 class Entry:
     """Kind of link."""
@@ -98,6 +106,7 @@ class Entry:
     table: Callable[[Ends], Any]  # makes the table of all links of this kind from their `Ends`
     couples: bool = True  # true if it adds to the blocks between its nodes
     law: Law | None = None  # constraint of a joint with multipliers; for joints with axes it depends on the joint
+    gap: Gap | None = None  # gaps of a joint with multipliers from outside
     needs_distance: bool = False  # true if it makes no sense between points at the same place
     takes: Callable[[Any], bool] | None = None  # returns whether a link belongs to this kind; default: links of the class `noun`
 
@@ -136,8 +145,8 @@ REGISTRY = [
 ]
 
 
-def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
-    """Register a new kind of link between two points for scenes: one with a force law, without multipliers.
+def register(noun: type[Link], table: Callable[[Ends], Any], gap: Gap | None = None) -> None:
+    """Register a new kind of link between two points for scenes: one with a force law, or with gaps and a multiplier for each.
 
     Parameters
     ----------
@@ -146,11 +155,14 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
     table : callable
         The constants of all links of this kind from their `Ends`: a named tuple of C-contiguous arrays. Its class is the term for
         which `assemble` and `potential_energy` have implementations.
+    gap : callable, optional
+        gap(part, x, start) -> [m], m <= 6, of a constraint: the gaps that kernels close, in m, from the coordinates [2, 4, 3] of
+        both nodes, positions and directors in rows, now and at t = 0; of sums, products and roots, which takes complex numbers.
 
     Raises
     ------
     TypeError
-        `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` cannot be called.
+        `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` or `gap` cannot be called.
     """
     if not (isinstance(noun, type) and issubclass(noun, Link)) or noun is Link:
         raise TypeError(f"register_link: {noun!r} must be a class derived from Link")
@@ -158,9 +170,11 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
         raise TypeError(f"register_link: {noun.__name__}.kind must be a text for messages, got {noun.kind!r}")
     if not callable(table):
         raise TypeError(f"register_link: the table of {noun.__name__} must be a function of Ends, got {table!r}")
+    if gap is not None and not callable(gap):
+        raise TypeError(f"register_link: the gap of {noun.__name__} must be a function of (part, x, start), got {gap!r}")
     if any(entry.noun is noun for entry in REGISTRY):
         raise TypeError(f"register_link: {noun.__name__} is registered already")
-    REGISTRY.append(Entry(noun, table))
+    REGISTRY.append(Entry(noun, table, gap=gap))
 
 
 class Lines(NamedTuple):
@@ -245,10 +259,12 @@ def _tested(entry: Entry, table: Any) -> Any:
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
         raise TypeError(f"{who} must be a named tuple of arrays, got {type(table).__name__}")
     for name, x in zip(table._fields, table):
+        if name == "ties" and isinstance(x, (NoTies, Ties)):
+            continue
         if not isinstance(x, np.ndarray) or x.dtype not in (np.float64, np.int64) or not x.flags.c_contiguous:
             found = f"an array of {x.dtype}, shape {x.shape}" if isinstance(x, np.ndarray) else type(x).__name__
             raise TypeError(f"{who}: {name} must be a C-contiguous array of float64 or int64, got {found}")
-    if not assemble.covers(type(table)):
+    if not (assemble.covers(type(table)) or assemble.covers(type(table), Conserving)):
         raise TypeError(f"{who}: {type(table).__name__} has no assemble function; import the module with "
                         f"@assemble.register({type(table).__name__}), which serves all methods")
     return table
@@ -292,12 +308,19 @@ class Links:
                 sets = [(x, at, *found) for x, at, frame in self.with_axes for found in conditions_of(x, frame)]
                 parts, laws, words = [x[0] for x in sets], [x[3] for x in sets], [x[2] for x in sets]
                 node = np.array([x[1] for x in sets], np.int64).reshape(-1, 2)
+            elif entry.gap is not None:
+                laws = [GapLaw(part, entry.gap, nodes.coordinates(at)) for part, at in zip(parts, node.tolist())]
             if entry.needs_distance:
                 _check_distances(parts, node, nodes.phi)
             if parts:
                 self.groups.append(Group(entry, parts, node, laws, words))
         # coordinates that joints with axes leave free, with the nodes and directions of the joint
         self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
+        # screws and gears, and their coordinates
+        self.couplings, self.coupled = couplings_of(relations_of(scene.parts), self.freedoms)
+        # whether something acts on them
+        self.acting = np.isin(np.arange(len(self.freedoms)), self.coupled)
+        self.acting |= np.array([freedom.acts for freedom, *_ in self.freedoms], bool)
         # coordinates with multipliers, prescribed ones first: their constraints are the last of all
         self.driven: list[ConstrainedJoint] = []
         for freedom, at, frame in self.freedoms:
@@ -324,7 +347,7 @@ class Links:
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
         out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
         # forces on the coordinates of joints couple their nodes, whatever conditions the joints have
-        acting = [(at, x.shape.is_angle) for x, at, _ in self.freedoms if x.acts]
+        acting = [(at, x.shape.is_angle) for (x, at, _), acts in zip(self.freedoms, self.acting) if acts]
         links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]
         links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2),
                       np.array([turns for _, turns in acting], bool)))
@@ -344,7 +367,7 @@ class Links:
                 (label_of(part) if part else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}") + word, (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
-        return out + self.driven
+        return out + self.couplings + self.driven
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -362,10 +385,13 @@ class Links:
         """Features of links, ropes and laws between two points."""
         lines = self.lines
         springs = self.of(Spring, Damper, Bushing)[0]
-        outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
+        outside = {type(group.parts[0]).__name__: group.entry.gap is not None for group in self.groups
+                   if is_outside(group.entry.noun)}
+        coupled = [self.freedoms[k][0].name for k in self.coupled.reshape(-1)]
         tells = self.losses or springs or lines or self.ropes.winches
         return [*([LinkForces(self.losses, partial(_evaluators_of, self), lines)] if tells else []),
                 *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
+                *([Couplings(self.couplings, self.coupled, coupled)] if self.couplings else []),
                 *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
                 *self._laws()]
 

@@ -25,9 +25,8 @@ def softness_of(kept: Sequence[ConstrainedJoint], connections: Connections, rank
 
     rank: int [N], rank of nodes as in `NodeList`; POINT_MASS: without a triad.
     """
-    out = np.ones(len(kept))
     if not kept:
-        return out
+        return np.zeros(0)
     root, owner = connections.spin_root, connections.owner
     n = root.size
     held = connections.held & np.where(rank == POINT_MASS, HOLD_POSITION, HOLD_POSITION | HOLD_TRIAD)
@@ -38,17 +37,18 @@ def softness_of(kept: Sequence[ConstrainedJoint], connections: Connections, rank
     part = np.where(grounded[root], n, root)
     ties = np.unique(np.sort(part[np.stack((owner, connections.target), axis=1)], axis=1), axis=0)
     ties = ties[ties[:, 0] != ties[:, 1]]
-    ends = np.sort(part[np.array([link.node for link in kept])], axis=1)
+    # a coupling of coordinates is no edge: it is as its joints are
+    joints = [link for link in kept if not link.coupled]
+    ends = np.sort(part[np.array([link.node for link in joints])], axis=1)
     # the conditions of one joint are one edge
-    _, joint = np.unique([link.joint for link in kept], return_inverse=True)
+    _, joint = np.unique([link.joint for link in joints], return_inverse=True)
     edges = np.concatenate((ties, np.unique(np.column_stack((ends, joint)), axis=0)[:, :2]))
     component = components(n + 1, edges)
     members = np.bincount(component)
     links = np.bincount(component[edges[:, 0]], minlength=members.size)
-    of_joint = component[ends[:, 0]]
-    out[(links == members - 1)[of_joint]] = 0.0
+    soft = np.where(links == members - 1, 0.0, 1.0)
     for c in np.flatnonzero((links >= members) & (members > MANY_LINKS)):
-        ours = of_joint == c
+        ours = component[ends[:, 0]] == c
         if ours.any():
             first = n if component[n] == c else int(ends[ours][0, 0])
             graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n + 1, n + 1))
@@ -56,5 +56,7 @@ def softness_of(kept: Sequence[ConstrainedJoint], connections: Connections, rank
             far = np.zeros(n + 1)
             for i in order[1:].tolist():
                 far[i] = far[before[i]] + 1.0
-            out[ours] = min(1.0, (MANY_LINKS / far.max())**2)
-    return out
+            soft[c] = min(1.0, (MANY_LINKS / far.max())**2)
+    at = np.concatenate(([0], np.cumsum([len(link.node) for link in kept])))[:-1]
+    every = part[np.concatenate([link.node for link in kept])]
+    return np.maximum.reduceat(soft[component[every]], at)

@@ -67,10 +67,13 @@ class Reactions:
         self.ties = None if core.ties is None else Calls((core.ties,), ADDED)
         self._system: SystemRecord | None = None
         names = {name: k for k, name in enumerate(stepper.model.constrained_joint_names)}
-        # joints with multipliers, and which of them every link belongs to; -1: what acts on the places of contacts on moving
-        # meshes is no force in space
+        # forces of joints with multipliers between two nodes: joint, link, first multiplier, factor of these; what acts on the
+        # places of contacts on moving meshes is no force in space
         line = set() if stepper.model.moving is None else set(stepper.model.moving.line.tolist())
-        self.links = [(link, -1 if line.intersection(link.node) else names[link.joint]) for link in stepper.model.kept]
+        kept = stepper.model.kept
+        begins = 3 * stepper.model.n_sliders + np.cumsum([0, *(link.forces(3) for link in kept)])
+        self.links = [(names[one.joint], one, at, factor) for link, at in zip(kept, begins.tolist())
+                      for factor, one in link.shares if not line.intersection(one.node)]
         self.rows = core.pattern.row_of
         self.count = len(stepper.model.reaction_names)
         n = len(holding.parent)
@@ -171,23 +174,18 @@ class Reactions:
         out[:s, 0][free_axes] = 0.0
         # nothing tells the shares of what another support holds already
         out[:s][self._shared] = np.nan
-        at = 3 * self.stepper.model.n_sliders
         multipliers = self.stepper.state.force if self.links else np.zeros(0)
         kept = out[s + len(holding.joints):]
         kept[:] = 0.0
-        for link, k in self.links:
-            m = link.forces(3)
-            if k < 0:
-                at += m
-                continue
+        for k, link, at, factor in self.links:
+            own = factor * multipliers[at:at + link.forces(3)]
             _, (b, by_velocity, by_spin) = link.by_velocities(q[list(link.node)])
-            push = by_velocity.T @ multipliers[at:at + m]
+            push = by_velocity.T @ own
             if isinstance(link.law, Distance):
                 # along the mean of both ends of a step, which is shorter than the joint where this turns (theory.md 4.1)
                 push *= np.linalg.norm(x[b] - x[link.node[0]]) / self._length(link)
             kept[k, 0] += push
-            kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
-            at += m
+            kept[k, 1] += by_spin.T @ own + np.cross(x[b] - x[link.node[0]], push)
         return np.concatenate((out, sections)).reshape(-1)
 
     def _length(self, link: ConstrainedJoint) -> float:

@@ -90,6 +90,7 @@ class Feature:
     opens: ClassVar[bool] = False  # true if its history variables stand before the energies
     # true if messages name it before the parts that belong to it: joints of moving meshes, friction of sleeves that twist
     is_told_first: ClassVar[bool] = False
+    constrains: ClassVar[bool] = False  # true if its terms in an equilibrium have forces that are unknowns
     called_laws: Mapping[type, Any] = MappingProxyType({})  # user laws that its tables call, by the kinds of tables
 
     @property
@@ -111,6 +112,11 @@ class Feature:
     def exchanges(self) -> bool:
         """True if the feature changes the total energy by more than `losses` and `works` count."""
         return False
+
+    @property
+    def constants(self) -> Iterable[Array]:
+        """Arrays by which results and checkpoints tell its models apart, besides those that they know."""
+        return ()
 
     def work(self, model: Any, plane: Any, static: bool) -> Any:
         """Allocate the arrays of one run of a model; plane: that of the scene, where the run is planar; static: for an
@@ -140,6 +146,14 @@ class Feature:
 
     def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
         """Return its series in the row of a state at time t, except for forces that are unknowns."""
+        return {}
+
+    def read_forces(self, kinds: Collection[str], model: Any, force: Array) -> Mapping[str, Array]:
+        """Return its series that are forces of constraints, in a row with these of all constraints [F]."""
+        return {}
+
+    def named(self, kinds: Collection[str]) -> Mapping[str, list[str]]:
+        """Return the names by which a result finds the columns of its series."""
         return {}
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:

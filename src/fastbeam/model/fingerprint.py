@@ -34,6 +34,7 @@ def fingerprint_of(model: Any) -> str:
         parts += [np.array([time is None for time in model.dragged.times])] if model.dragged.timed else []
         parts += [model.dragged.wind.first, model.dragged.wind.parameters] if model.dragged.windy else []
     parts += [] if model.added is None else [model.added.node, model.added.normal, model.added.along]
+    parts += [x for feature in model.features for x in feature.constants]
     for x in parts:
         digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
         if x is not None:

@@ -13,12 +13,10 @@ from fastbeam.kernels.call_tables import ADDED, Calls, SystemRecord
 from fastbeam.kernels.contact.slider import NoForceAlong, Sliding
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.jit.calls import Unknown
-from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.conditions import JointConditions
-from fastbeam.kernels.joints.distance_joint import DistanceJoints
-from fastbeam.kernels.joints.drives import JointDrives
+from fastbeam.kernels.joints.coordinates import JointMotion
 from fastbeam.kernels.state import State
-from fastbeam.kernels.terms import Equilibrium, NoTies, SolverOutside, System
+from fastbeam.kernels.terms import Equilibrium, NoTies, SolverOutside, System, take_unknowns
 from fastbeam.model.feature import OfRun
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.maps import motion_map
@@ -26,7 +24,11 @@ from fastbeam.model.model import Model
 from fastbeam.model.workspace import contact_of, work_of
 
 Array = np.ndarray
-CONSTRAINTS = Sliding, BallJoints, DistanceJoints, JointConditions, JointDrives
+
+
+def is_constraint(term: Any) -> bool:
+    """Return whether a term has forces that are unknowns."""
+    return take_unknowns.covers(type(term))
 
 
 class Gaps(NamedTuple):
@@ -46,13 +48,14 @@ class ConstraintGaps:
     """Evaluator of the gaps of all constraints of a model.
 
     model: Model with tables in space.
+    history: that of a state, next to whose values angles are counted; default: zeros.
     joints, coordinates, others: int64 [*], numbers of the gaps that joints always close, of the coordinates that friction and
         rigid stops may hold, and of all gaps that are always closed besides those of sliders: `joints`, then `moments`.
     given: bool [*], true for those of `joints` that are coordinates prescribed as functions of time.
     moments: list of int64 [2 or 3], numbers of the directions that every sleeve constrains.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, history: Array | None = None) -> None:
         self._model = model
         s, ends = model.n_sliders, np.append(model.first_force, model.n_forces)
         of_link = [np.arange(*ends[k:k + 2]) for k in range(s, s + len(model.kept))]
@@ -70,21 +73,21 @@ class ConstraintGaps:
         self._size = model.n_forces
         self._contact: Contact | None = None
         if model.n_constraints:
-            self._begin()
+            self._begin(np.zeros(model.history_size) if history is None else history.copy())
 
-    def _begin(self) -> None:
+    def _begin(self, history: Array) -> None:
         """Prepare the arguments of compiled code: all rows are those of the nodes themselves, without slave nodes."""
         model, nodes = self._model, np.arange(self._model.n_nodes)
         own = {} if model.motions is None else {"motions": model.motions.work(model, None, True)}
         run = OfRun(model, static=True, own=own)
-        of_features = [x for key in ("sliding", "motions") if key in model.by_key for _, x in model.by_key[key].terms(run)]
-        self._terms = Calls(tuple(_on_nodes(x, nodes) for x in (*of_features, *model.links) if isinstance(x, CONSTRAINTS)), ADDED)
+        of_features = [x for feature in model.features if feature.constrains for _, x in feature.terms(run)]
+        self._terms = Calls(tuple(_on_nodes(x, nodes) for x in (*of_features, *model.links) if is_constraint(x)), ADDED)
         contact = contact_of(model, at_rest=True)
         assert contact is not None
         # constraints that are condensed with their beams have rows, too
         self._contact = contact = contact._replace(first=np.arange(model.n_constraints))
         self._work = work_of(model, keep=False)
-        self._state = State(model.q0.copy(), np.zeros(0), model.s0.copy(), np.zeros(self._size), np.zeros(model.history_size))
+        self._state = State(model.q0.copy(), np.zeros(0), model.s0.copy(), np.zeros(self._size), history)
         self._system = SystemRecord(System(Unknown(0), nodes, model.spinless, self._state, model.width, model.length, self._work,
                                            SPACE, Equilibrium(), contact, SolverOutside()), ADDED)
         self._of_force = np.arange(8) < contact.forces[:, None]
@@ -133,7 +136,8 @@ def _on_nodes(term: Any, nodes: Array) -> Any:
     term = term._replace(ties=NoTies())
     if isinstance(term, Sliding):
         return term._replace(along=NoForceAlong(), sliders=term.sliders._replace(spin_root=nodes))
-    if isinstance(term, JointDrives):
-        return term._replace(motion=term.motion._replace(row=term.motion.node, spin_node=term.motion.node))
+    motion = getattr(term, "motion", None)
+    if isinstance(motion, JointMotion):
+        return term._replace(motion=motion._replace(row=motion.node, spin_node=motion.node))
     term = term._replace(row=term.node)
     return term._replace(spin_row=term.node) if isinstance(term, JointConditions) else term

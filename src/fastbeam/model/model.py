@@ -131,7 +131,7 @@ class Model(WithFeatures):
     @property
     def constrained_joint_names(self) -> list[str]:
         """Names of the joints with multipliers; a joint may be several links."""
-        return list(dict.fromkeys(link.joint for link in self.kept))
+        return list(dict.fromkeys(one.joint for link in self.kept for _, one in link.shares))
 
     @cached_property
     def mass(self) -> float:

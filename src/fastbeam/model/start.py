@@ -218,7 +218,7 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
     angle."""
     if not model.n_constraints:
         return
-    rows = ConstraintGaps(model)
+    rows = ConstraintGaps(model, state.history)
     values, by_rates, tangents = rows.at(state.q, state.s)
     rates, names, away = by_rates @ state.v, model.names["sliders"], off_beam(model, state)
     for k in np.flatnonzero(~away).tolist():
@@ -243,6 +243,8 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
             gap = 2.0 * gap / (1.0 + np.sqrt(1.0 + 2.0 * gap / np.linalg.norm(b - a)))
         place, moves, size = ("its directions are", "the rate of its directions is", _angle(gap)) if link.law.is_angle else (
             "its points lie", "the velocity of its points is", float(np.linalg.norm(gap)))
+        if link.coupled:
+            place, moves, size = "its coordinates are", "the rate of its coordinates is", float(np.abs(gap[0]))
         yield f"{link.name}: {place}", f"{link.name}: {moves}", size, rate, bool(link.law.is_angle)
 
 
@@ -373,7 +375,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     if off_beam(model, state).any():
         raise SceneError("start, mend: a slider is off its beam, which cannot be corrected; start from the state of a run "
                          "without mend")
-    q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), ConstraintGaps(model)
+    q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), ConstraintGaps(model, state.history)
     _close_rigidly(model, rows, state, q, s)
     q = follow(model, q)
     inertia = mass_map(model)

@@ -127,7 +127,7 @@ def _coupled_rows(model: Model) -> Iterator[tuple[Array, Array]]:
         # a sliding point is connected to its beam
         nodes = curve_at(model, k, float(model.s0[k]))[0]
         yield row_of[nodes], np.broadcast_to(row_of[model.sliders.point[k]], nodes.size)
-    linked = row_of[np.array([link.node for link in model.kept], np.int64).reshape(-1, 2)]
+    linked = row_of[np.array([(link.node[0], k) for link in model.kept for k in link.node[1:]], np.int64).reshape(-1, 2)]
     yield linked[:, 0], linked[:, 1]
 
 

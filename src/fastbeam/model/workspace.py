@@ -144,10 +144,11 @@ def entries_of(model: Model, bounded: bool = True) -> int:
     fewer at first where constraints are rows (unless not `bounded`), with room that grows on demand."""
     # a slave node passes each entry on to all its master nodes
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
-    # two more for the spins of both ends of a joint
-    ends = 2 * widest + 2 if model.kept else 0
+    # and one more for the spin of each end of a joint
+    joined = _most_joined(model)
+    ends = joined * (widest + 1)
     if model.curves is None:
-        return 2 * _widest_tie(model) if model.by_rows and bounded else ends
+        return joined * _widest_tie(model) if model.by_rows and bounded else ends
     # one more for the spin of the holder of a sleeve
     most = int(model.curves.shape[:, NODES_OF_CURVE].max()) + (model.sleeves is not None)
     if model.by_rows and bounded:
@@ -155,6 +156,11 @@ def entries_of(model: Model, bounded: bool = True) -> int:
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
     # and one more for the spin of every node
     return max(ends, (most + 1) * widest + most)
+
+
+def _most_joined(model: Model) -> int:
+    """Return the largest number of nodes that a joint with multipliers, or a coupling of joints, has."""
+    return max((len(link.node) for link in model.kept), default=0)
 
 
 def _widest_tie(model: Model) -> int:
@@ -220,7 +226,7 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
 def entries_at_rest(model: Model) -> int:
     """Return the largest number of entries of a constraint in statics, where a slider stands in one element."""
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
-    ends = 2 * widest + 2 if model.kept else 0
+    ends = _most_joined(model) * (widest + 1)
     if model.curves is None:
         return ends
     # the point, or the spin of the holder of a sleeve

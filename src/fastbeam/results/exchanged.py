@@ -67,6 +67,8 @@ def power_of(result: Result, name: str) -> Array:
 # names of the rate and the force of a coordinate
 RATES = {"angle": "spin", "distance": "speed", "swing": "swing_rate", "twist": "spin"}
 FORCES = {"angle": "torque", "distance": "force", "swing": "cone_torque", "twist": "torque"}
+# other forces on coordinates, and the list of joints that have them
+PUSHED = {"drive": "driven", "coupling": "coupled"}
 
 
 def joint_of(result: Result, name: str) -> dict[str, Array]:
@@ -85,8 +87,9 @@ def joint_of(result: Result, name: str) -> dict[str, Array]:
     for key in ("energy", "loss", "work"):
         if f"joint_{key}" in series:
             out[key] = series[f"joint_{key}"][:, mine].sum(axis=1)
-    if "joint_drive" in series and name in result.names.get("driven", ()):
-        out["drive"] = series["joint_drive"][:, shown[0] if len(shown) == 1 else shown]
+    for key, of in PUSHED.items():
+        if f"joint_{key}" in series and name in result.names.get(of, ()):
+            out[key] = series[f"joint_{key}"][:, shown[0] if len(shown) == 1 else shown]
     for key in ("friction", "stop"):
         of = "joint_friction" if key == "friction" else "joint_stop_loss"
         if of in series and name in result.names.get("held", ()):

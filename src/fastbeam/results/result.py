@@ -268,8 +268,8 @@ class Result(Readings, Exports, Doubts):
         """Return the series of the joint coordinates of a joint with axes, zero at t = 0, [n], two of a kind in columns: angle
         (rad) and spin (rad/s), distance (m) and speed (m/s), swing, swing_rate and twist; energy of its springs and stops, loss
         of its dampers, work of its motors or drives (J); where one is prescribed, has friction or rigid stops, its torque (N m),
-        force (N) or cone_torque, friction_loss and stop_loss (J); drive, the torque or force of drives that push, in columns
-        where there are several.
+        force (N) or cone_torque, friction_loss and stop_loss (J); drive, the torque or force of drives that push, and coupling,
+        that of a thread or of gears, in columns where there are several.
 
         Raises
         ------

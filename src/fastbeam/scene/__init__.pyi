@@ -45,6 +45,7 @@ from fastbeam.scene.distance_joint import DistanceJoint as DistanceJoint
 from fastbeam.scene.drag import Drag as Drag
 from fastbeam.scene.fixed import GROUND as GROUND
 from fastbeam.scene.force_element import ForceElement as ForceElement
+from fastbeam.scene.gear_coupling import GearCoupling as GearCoupling
 from fastbeam.scene.joints import PrismaticJoint as PrismaticJoint
 from fastbeam.scene.joints import RevoluteJoint as RevoluteJoint
 from fastbeam.scene.line_force import LineForce as LineForce
@@ -57,6 +58,7 @@ from fastbeam.scene.paths import Path as Path
 from fastbeam.scene.prescribed_motion import PrescribedMotion as PrescribedMotion
 from fastbeam.scene.prescribed_motion import Signal as Signal
 from fastbeam.scene.scene import Scene as Scene
+from fastbeam.scene.screw_joint import ScrewJoint as ScrewJoint
 from fastbeam.scene.sections import Section as Section
 from fastbeam.scene.sleeves import Sleeve as Sleeve
 from fastbeam.scene.slider_forces import Drive as Drive

@@ -36,14 +36,14 @@ ANGLE_AND_DISTANCE, CROSS, IN_PLANE = ("one for the angle and one for the distan
 NONE2, NONE3 = (None, None), (None, None, None)
 
 
-def _sums(count: int, what: str) -> dict[str, Any]:
+def each_of(count: int, what: str) -> dict[str, Any]:
     """Return checks of the arguments for drives and forces on each of some coordinates."""
     return {"stiffness": ForEach(count, what, 0.0), "damping": ForEach(count, what, 0.0), "rest": ForEach(count, what),
             "friction": ForEach(count, what, 0.0), "drive": drives_of(count, what), "stops": stops_of(count, what)}
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, torque=OfTime("N m"), force=OfTime("N"), angle=OfTime("rad"),
-         distance=OfTime("m"), speed=times_of(2, ANGLE_AND_DISTANCE, "rad/s or m/s"), **_sums(2, ANGLE_AND_DISTANCE))
+         distance=OfTime("m"), speed=times_of(2, ANGLE_AND_DISTANCE, "rad/s or m/s"), **each_of(2, ANGLE_AND_DISTANCE))
 @noun
 class CylindricalJoint(OneAxisJoint):
     """Cylindrical joint: part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to
@@ -92,7 +92,7 @@ class CylindricalJoint(OneAxisJoint):
 
 @checked(a=SIDE, b=SIDE, name=JOINED, normal=Vector, along=Vector, force=times_of(2, "one for each distance", "N"),
          torque=OfTime("N m"), distance=times_of(2, "one for each direction", "m"), angle=OfTime("rad"),
-         speed=times_of(3, IN_PLANE, "m/s or rad/s"), **_sums(3, IN_PLANE))
+         speed=times_of(3, IN_PLANE, "m/s or rad/s"), **each_of(3, IN_PLANE))
 @noun
 class PlanarJoint(AxisJoint):
     """Planar joint: the point of b stays in a plane of a, and b turns about the normal of the plane alone.
@@ -171,7 +171,7 @@ class PlanarJoint(AxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis_a=Vector, axis_b=Vector, torque=times_of(2, CROSS, "N m"),
-         angle=times_of(2, CROSS, "rad"), speed=times_of(2, CROSS, "rad/s"), **_sums(2, CROSS))
+         angle=times_of(2, CROSS, "rad"), speed=times_of(2, CROSS, "rad/s"), **each_of(2, CROSS))
 @noun
 class UniversalJoint(AxisJoint):
     """Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.

@@ -31,6 +31,7 @@ from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.follower import as_force
+from fastbeam.scene.gear_coupling import GearCoupling, check_relations, relations_of
 from fastbeam.scene.links import Link
 from fastbeam.scene.moving_mesh import MovingMesh
 from fastbeam.scene.nets import Net, NetBeam
@@ -50,10 +51,10 @@ if TYPE_CHECKING:
 
 Part = (AddedMass | Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad
         | InitialVelocity | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch | Controller
-        | MovingMesh)
+        | MovingMesh | GearCoupling)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
                            InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
-                           AddedMass, Winch, Controller, MovingMesh)
+                           AddedMass, Winch, Controller, MovingMesh, GearCoupling)
 PLURALS = {"body": "bodies", "added mass": "added masses", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -250,6 +251,7 @@ class Scene(notebook.Parts):
         self._check_names()
         self._check_members()
         self._check_control_points()
+        check_relations(relations_of(self.parts), self.links, self.label)
         tolerance = self._tolerance()
         for path in dict.fromkeys(slider.beam for slider in self.sliders if isinstance(slider.beam, Path)):
             for one in path.tracks if isinstance(path, Switch) else (path,):

@@ -111,8 +111,11 @@ class SaddleSolver(StaticSolver):
         ambiguous."""
         if self.given is None:
             return False
-        holds, increments = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
-        return bool(np.any(np.abs(increments[holds.is_angle[holds.given]]) > HALF_TURN))
+        holds, ways = self.core.motions.holds, np.zeros(len(self.core.motions.names))
+        ways[holds.given] = (self.share - self._reached) * (self.given[1] - self.given[0])
+        couplings = self.core.by_key.get("couplings")
+        ways = ways if couplings is None else couplings.follow(ways)
+        return bool(np.any(np.abs(ways[holds.is_angle]) > HALF_TURN))
 
     def hold_joints(self) -> None:
         """Prescribe the joint coordinates that are given, and fix those that friction and rigid stops hold."""

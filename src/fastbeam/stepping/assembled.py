@@ -19,17 +19,14 @@ from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import ADDED, Calls
 from fastbeam.kernels.contact.slider import NoSleeves, Sliding
-from fastbeam.kernels.joints.ball_joint import BallJoints
-from fastbeam.kernels.joints.conditions import JointConditions
-from fastbeam.kernels.joints.distance_joint import DistanceJoints
 from fastbeam.kernels.joints.drives import JointDrives
 from fastbeam.linalg.pattern import Pattern
 from fastbeam.linalg.scaling import with_values
+from fastbeam.model.gap_rows import is_constraint
 from fastbeam.model.maps import free_of_rows
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
-CONSTRAINTS = Sliding, BallJoints, DistanceJoints, JointConditions, JointDrives
 # entries of constraints that a structure keeps, next to those that there are
 MOST_IDLE = 3
 
@@ -91,7 +88,7 @@ class Constraints:
     def __init__(self, stepper: Stepper) -> None:
         self.stepper = stepper
         core, self._contact = stepper.core, stepper.contact
-        self._terms = Calls(tuple(term for term in stepper.terms if isinstance(term, CONSTRAINTS)), ADDED)
+        self._terms = Calls(tuple(term for term in stepper.terms if is_constraint(term)), ADDED)
         self._free = free_of_rows(core) != 0.0
         self.loose: Array | None = None
         self.angles: dict[int, float] = {}

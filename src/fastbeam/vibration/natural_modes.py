@@ -32,6 +32,8 @@ AT_REST = 1e-8
 SETTLED = 1e-9
 # share of the loads that may push along free motions as round-off
 UNBALANCED = 1e-9
+# share of the loads below which forces of constraints are round-off
+NOTHING = 1e-15
 LEAST = 12
 # share of the kinetic energy from which on a motion circles about the axis
 CIRCLES = 0.999
@@ -224,7 +226,10 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
             raise SceneError(_no_equilibrium(who, about, right, size, largest, drifts and pushed > 0.0))
         change = move[motions:]
         scale = found.factors.scale[motions:]
-        if np.linalg.norm(change / scale) <= SETTLED * np.linalg.norm(about.stepper.core_state.force / scale):
+        # constraints that carry nothing have forces of round-off, which never settle
+        carried = about.force_size(pencil.stiffness[:k, motions:] @ change)
+        if carried <= NOTHING * load or np.linalg.norm(change / scale) <= SETTLED * np.linalg.norm(
+                about.stepper.core_state.force / scale):
             break
         about.add_forces(change)
     # no half of a pair

@@ -97,11 +97,12 @@ class ControlTimes(NamedTuple):
 
 
 class KnownForces(NamedTuple):
-    """Forces of prescribed coordinates as the state has them, without equations: for reactions."""
+    """Forces of constraints on D coordinates as the state has them, without equations: for reactions."""
 
     motion: JointMotion
-    which: np.ndarray      # int64 [D]
-    first: np.ndarray      # int64 [1]
+    which: np.ndarray       # int64 [D]: of the coordinates of `motion`
+    factor: np.ndarray      # float64 [D]: share of the force of the constraint
+    constraint: np.ndarray  # int64 [D]: number of the constraint
 
 
 KnownForces.reads = WithContact  # type: ignore[attr-defined]
@@ -115,16 +116,21 @@ def put_given(term, system, k):
 
 
 @kernel
+def round_off_of(motion, c, system):
+    """Return the size of round-off of coordinate c, m or rad."""
+    if motion.kind[c] != LINE:
+        return SETTLED
+    d = dim(system.dofs)
+    reach = system.length
+    for i in range(d):
+        reach = max(reach, system.length + abs(system.state.q[(12 if d == 3 else 4) * motion.node[c, 0] + i]))
+    return 1e-15 * reach
+
+
+@kernel
 def is_held(motion, c, system, k):
     """Return whether the gap of coordinate c, constraint k, is closed."""
-    allowed = SETTLED
-    if motion.kind[c] == LINE:
-        d = dim(system.dofs)
-        reach = system.length
-        for i in range(d):
-            reach = max(reach, system.length + abs(system.state.q[(12 if d == 3 else 4) * motion.node[c, 0] + i]))
-        allowed = 1e-15 * reach
-    return is_closed(system.contact, k, allowed)
+    return is_closed(system.contact, k, round_off_of(motion, c, system))
 
 
 # --- prescribed -------------------------------------------------------------------------------------------------------
@@ -242,5 +248,5 @@ def account_control(term, system, h):
 @kernel
 def push_known(term, method, system, h):
     for i in range(term.which.shape[0]):
-        force = system.state.force[system.contact.first_force[term.first[0] + i]]
+        force = term.factor[i] * system.state.force[system.contact.first_force[term.constraint[i]]]
         push(term.motion, term.which[i], system, gradient_in_step(term.motion, term.which[i], system), force, 0.0)

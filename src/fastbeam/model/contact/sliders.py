@@ -54,6 +54,7 @@ class SlidingContact(Feature):
     """Sliders and sleeves."""
 
     key, title, order = "sliding", "sliders", 5
+    constrains = True
     lacks = (
         Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' supports",
              "leave contacts= out",

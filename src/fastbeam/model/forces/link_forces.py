@@ -65,10 +65,12 @@ class CarriedSliders(Feature):
 
 
 class OutsideLinks(Feature):
-    """Links of modules outside the package; kinds: names of their tables."""
+    """Links of modules outside the package; kinds: names of their classes, and true for constraints."""
 
     key, title, order = "outside", "links of modules outside the package", 180
-    lacks = (without_adjoint("links from outside", lambda links, asked: [f"links of kind {kind}" for kind in links.kinds]),)
+    lacks = (without_adjoint("links from outside", lambda links, asked: [f"links of kind {kind}" for kind in links.kinds]),
+             unknown_to_methods("constraints from outside", lambda links, asked: [
+                 f"constraints of kind {kind}" for kind, constrains in links.kinds.items() if constrains]))
 
-    def __init__(self, kinds: list[str]) -> None:
+    def __init__(self, kinds: dict[str, bool]) -> None:
         self.kinds = kinds

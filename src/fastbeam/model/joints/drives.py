@@ -67,7 +67,8 @@ class JointsOfRun(NamedTuple):
     @property
     def known(self) -> tuple[Any, ...]:
         """Terms with constraint forces taken from the state instead of equations for them."""
-        held = tuple(KnownForces(self.motion, x.which, x.first) for x in (self.drives, self.friction) if x is not None)
+        held = tuple(KnownForces(self.motion, x.which, np.ones(x.which.size), x.first[0] + np.arange(x.which.size))
+                     for x in (self.drives, self.friction) if x is not None)
         return (*self.pushing, *held)
 
     def follow(self, other: JointsOfRun) -> None:
@@ -215,7 +216,8 @@ class Holds:
     def _press(self, k: int, kept: list[ConstrainedJoint], n_sliders: int) -> tuple[int, int]:
         """Return the numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
         mine = ConstrainedJoint(self.parts[k].joint.label, (0, 0), kept[0].law).joint
-        of_joint = [(j, link) for j, link in enumerate(kept) if link.joint == mine and not isinstance(link.law, Coordinate)]
+        of_joint = [(j, link) for j, link in enumerate(kept)
+                    if link.joint == mine and not link.coupled and not isinstance(link.law, Coordinate)]
         found = [next((n_sliders + j for j, link in of_joint if link.law.is_angle == turns), -1) for turns in (False, True)]
         return found[0], found[1]
 

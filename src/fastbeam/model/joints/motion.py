@@ -40,6 +40,7 @@ class Motions(Feature):
     """All free coordinates of the joints of a scene, C of them."""
 
     key, title, order = "motions", "springs, dampers, motors, drives, friction and stops of joints", 80
+    constrains = True
     lacks = (
         unknown_to_methods("springs, dampers, motors, drives, friction and stops of joints",
                            lambda motions, asked: [motions.title] * bool(
@@ -296,6 +297,23 @@ class Motions(Feature):
                 out["joint_drive"] = self.holds.drive_forces(t, out["joint_value"], out["joint_rate"])
         return out
 
+    def held_forces(self, model: Any, force: Array) -> Array:
+        """Select the forces of the coordinates `Holds.held`, N or N m, from those of all constraints [F]."""
+        end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
+        return force[end - self.holds.held.size:end]
+
+    def read_forces(self, kinds: Collection[str], model: Any, force: Array) -> dict[str, Array]:
+        """Return the forces on all coordinates that are unknowns, zero for those without one."""
+        if "joint" not in kinds or not self.holds.held.size:
+            return {}
+        return {"joint_force": self.holds.forces(self.held_forces(model, force))}
+
+    def named(self, kinds: Collection[str]) -> dict[str, list[str]]:
+        """Return the joint and the kind of every coordinate, and the joints with drives, and with forces that are unknowns."""
+        driven, held = ([self.names[k] for k in which.tolist()] for which in (self.holds.driven, self.holds.held))
+        out = {"joints": self.names, "coordinates": self.what, "driven": driven}
+        return {**out, "held": held} if "joint" in kinds and held else out
+
     def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
         """Return the energy that dampers dissipated less the work of motors, then that of friction and of impacts, J, and sizes
         of these parts."""
@@ -312,7 +330,7 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
         return None
     node = np.array([x[1] for x in links.freedoms], np.int64).reshape(-1, 2)
     # coordinates without forces have no blocks
-    acts = np.array([x.acts for x in parts], bool)
+    acts = links.acting
     bearing = bearing_nodes(node, np.array([x.shape.is_angle for x in parts], bool), spin_root)
     a, b = bearing[acts].T
     block = np.full((node.shape[0], 4), blocks.n_blocks)

@@ -144,7 +144,8 @@ def constraints_in_plane(kept: list[ConstrainedJoint], normal: Array) -> tuple[l
     """
     out, singles, at = [], [np.zeros(0, np.int64)], 0
     for link in kept:
-        if isinstance(link.law, Coordinate) and not left_in_plane(link.name, link.law, normal):
+        own = [one for _, one in link.shares if isinstance(one.law, Coordinate)]
+        if not all(left_in_plane(one.name, one.law, normal) for one in own):
             if link.law.holds:
                 raise NotPlanar(f"{link.name} leads out of the plane")
             # a coordinate that cannot move has no friction

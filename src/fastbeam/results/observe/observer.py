@@ -74,15 +74,14 @@ class Observer:
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
-        self.joint = "joint" in kinds and model.motions is not None
         self.springs = model.spring_rows if "spring" in kinds else []
-        # whether rows hold forces of joints that are unknowns
-        self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and (model.balances or lost is not None)
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # features with an answer to a question
         self._of = {name: [x for x in model.features if getattr(type(x), name) is not getattr(Feature, name)]
-                    for name in ("read", "add_motion", "weight", "stored")}
+                    for name in ("read", "read_forces", "add_motion", "weight", "stored")}
+        # those with series that are forces of constraints
+        self._unknown = [x for x in self._of["read_forces"] if x.read_forces(self.kinds, model, np.zeros(model.n_forces))]
         # data of the newest row for `add_forces`
         self._moment: Any = None
         # energy of ropes of winches in the gravity of the scene, and of what stops of moving meshes store
@@ -124,7 +123,8 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """True where rows hold forces that only steps determine."""
-        return self.slider or bool(self.reactions or self.cut) or self.held or self.meshes.acts or self.points.measured > 0
+        return (self.slider or bool(self.reactions or self.cut or self._unknown) or self.meshes.acts
+                or self.points.measured > 0)
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Return the row of a state, except iterations, step size and contact force, which the run knows."""
@@ -287,13 +287,10 @@ class Observer:
             self.points.add(row, force[own:])
         if self.slider:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
-        if self.held or self.meshes.acts:
-            model = self.model
-            end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
-            found = force[end - model.motions.holds.held.size:end]
-            row |= {"joint_force": model.motions.holds.forces(found)} if self.held else {}
-            if self.meshes.acts:
-                self.meshes.add_forces(row, found)
+        for feature in self._unknown:
+            row |= feature.read_forces(self.kinds, self.model, force)
+        if self.meshes.acts:
+            self.meshes.add_forces(row, self.model.motions.held_forces(self.model, force))
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Add contact forces, moments of sleeves and forces along the beam to a row."""
@@ -387,12 +384,9 @@ class Observer:
         if self.reactions:
             names["reactions"] = self.reactions
         names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
-        if model.motions is not None:
-            names |= {"joints": model.motions.names, "coordinates": model.motions.what}
-            names |= {"driven": [model.motions.names[k] for k in model.motions.holds.driven]}
+        for feature in model.features:
+            names |= feature.named(self.kinds)
         names |= {springs.kind: springs.names for springs in self.springs}
-        if self.held:
-            names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
         # layout of the history for `Result.state_for`
         if model.slider_forces is not None and model.slider_forces.lets_go:
             names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
