@@ -291,3 +291,18 @@ def test_a_bar_below_a_strut_that_is_a_spring() -> None:
                      fb.Load("press", top, force=(0, 0, -1.0)))
     found = fb.critical_loads(fb.compile_scene(scene), n=2)
     np.testing.assert_allclose(found.load_factors, np.array([1.0, 3.0]) * k / (L + L * L / b), rtol=1e-6)
+
+
+@pytest.mark.parametrize("joint", ["slider", "ball"])
+def test_a_load_that_comes_through_a_contact(joint: str) -> None:
+    """A strip that buckles aside under a ring on it, or under a mass on a ball joint, as under the same force on its node."""
+    of = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=100.0, EI3=1.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+    beam = fb.Beam.straight("strip", (0, 0, 0), (1, 0, 0), section=of, elements=5)
+    ring = fb.PointMass("ring", mass=1.0, position=(0.8, 0, 0))
+    contact = fb.Slider("eye", ring, beam, at=0.8) if joint == "slider" else fb.BallJoint(beam.at(0.8), ring)
+    through = fb.Scene(beam, fb.Clamp(beam.start), ring, contact, fb.Load("weight", ring, force=(0, 0, -1.0)))
+    same = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("weight", beam.at(0.8), force=(0, 0, -1.0)))
+    one, other = (fb.critical_loads(fb.compile_scene(scene), n=1, held=scene is through and joint == "slider", negative=True)
+                  for scene in (through, same))
+    assert abs(one.load_factors[0]) == pytest.approx(abs(other.load_factors[0]), rel=1e-8)
+    assert one.info["held_sliders"] == (["eye"] if joint == "slider" else [])

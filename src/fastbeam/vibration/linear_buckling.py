@@ -26,6 +26,7 @@ from fastbeam.kernels.layout import REFERENCE, layout_of
 from fastbeam.kernels.state import State
 from fastbeam.linalg.arnoldi import nearest
 from fastbeam.linalg.eigen import BLOCK, NOISE, SingularError, grown
+from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.forces.loads import which_times
 from fastbeam.model.maps import velocity_map
@@ -180,7 +181,7 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
     if not solver.balanced():
         raise SceneError(f"critical_loads: the state is not an equilibrium at load_factor={load_factor:g}; give the load factor "
                          "at which it was found, 1 for solve_static(model).state, and the same at_time=, moves= and prestrains=")
-    tangent = _tangent(solver)
+    tangent = _tangent(solver, backend)
     try:
         modes = _lowest(tangent, n, negative)
     except SingularError:
@@ -213,7 +214,7 @@ class _Found(NamedTuple):
     is_every: bool     # whether there are no more
 
 
-def _tangent(solver: PathSolver) -> _Tangent:
+def _tangent(solver: PathSolver, backend: str) -> _Tangent:
     """Assemble the tangent at the state of a solver, and what growing internal forces add to it.
 
     Raises
@@ -235,7 +236,7 @@ def _tangent(solver: PathSolver) -> _Tangent:
         return (0.5 * (given + given.T)).tocsr() if symmetric else given.tocsr()
 
     whole = of(matrix)
-    held = Saddle(whole, multiplier).holding(solver.hold_free(lambda: matrix))
+    held = Saddle(whole, multiplier, factoriser_for(backend, threads=1)).holding(solver.hold_free(lambda: matrix))
     if held.solve(np.random.default_rng(0).standard_normal(multiplier.size)) is None or held.left.shape[1]:
         raise singular
     core = solver.core
@@ -466,7 +467,8 @@ def _result(model: Model, solver: PathSolver, tangent: _Tangent, found: _Found, 
              + NOISE * np.sum(np.abs(x) * (abs(tangent.whole) @ np.abs(x)), axis=0))
     info = {"scene": model.scene_name, "method": "linear buckling", "load_factor": float(solver.factor), "complete": complete,
             "counted_in": "plane" if flat else "space", "unknowns": about.free.size, "held_sliders": about.held_sliders,
-            "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric}
+            "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric,
+            "solver": "none" if tangent.held.by is None else tangent.held.by.name}
     by = 1.0 / size[:, None, None]
     return BucklingModes(solver.factor + change, change, by * moved, by * spins,
                          x[solver.places].T / size[:, None] * solver.sliding, residuals,
