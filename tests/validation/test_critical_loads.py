@@ -225,7 +225,7 @@ def test_what_moves_far_before_it_buckles_is_said() -> None:
                      fb.Clamp(left.end, axes="y"), fb.Load("push", left.end, force=(0, 0, -1.0)))
     found = fb.critical_loads(fb.compile_scene(scene), n=1)
     assert found.motion_before[0] > 0.01
-    assert ("unresolved" in {event["kind"] for event in found.events}) == (found.motion_before[0] > 0.1)
+    assert ("unresolved" in {event["kind"] for event in found.events}) == (found.motion_before[0] > 0.05)
 
 
 def test_modes_are_states_and_pictures() -> None:

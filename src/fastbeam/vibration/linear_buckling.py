@@ -54,7 +54,7 @@ MORE, DISTINCT = 2, 1e-6
 # is that of such a motion, next to this
 SHIFT, FREE = 0.3, 1e-8
 # motion until buckling, in sizes of the scene and rad, from which on linear buckling is of little use
-FAR = 0.1
+FAR = 0.05
 
 
 class BucklingModes(Motions):
