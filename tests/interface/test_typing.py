@@ -181,7 +181,7 @@ def is_anything(kind: object, names: dict[str, Any]) -> bool:
 def public_calls() -> dict[str, Any]:
     """All public calls, and those of what they return."""
     out: dict[str, Any] = {}
-    made = (AdjointRun, CriticalSlopes, DampedModes, FrequencyResponse, Gradient, Model, Modes, RunGradient,
+    made = (AdjointRun, fb.BucklingModes, CriticalSlopes, DampedModes, FrequencyResponse, Gradient, Model, Modes, RunGradient,
             RunSectionGradient, RunSliderGradient, SectionForces, SectionGradient, Sensitivity, SteadyModes)
     todo = [(name, getattr(fb, name)) for name in fb.__all__ if name != "__version__"]
     for name, thing in dict([*todo, *((x.__name__, x) for x in made)]).items():

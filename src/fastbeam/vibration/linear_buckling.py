@@ -26,6 +26,7 @@ from fastbeam.kernels.layout import REFERENCE, layout_of
 from fastbeam.kernels.state import State
 from fastbeam.linalg.arnoldi import nearest
 from fastbeam.linalg.eigen import BLOCK, NOISE, SingularError, grown
+from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.forces.loads import which_times
 from fastbeam.model.maps import velocity_map
@@ -46,11 +47,14 @@ Array = np.ndarray
 # step of differences of laws, as a motion in sizes of the scene and rad
 STEP = 0.01
 # imaginary part of a real eigenvalue, and residual of a mode next to the sum of the sizes of its terms
-REAL, GOOD = 1e-6, 1e-6
+REAL, GOOD = 1e-6, 1e-9
 # more modes than are asked for, behind which those below are counted where their load factors differ by this share
 MORE, DISTINCT = 2, 1e-6
+# load factor, next to the lowest one, at which solutions are found where loads hold what moves freely without them; and one that
+# is that of such a motion, next to this
+SHIFT, FREE = 0.3, 1e-8
 # motion until buckling, in sizes of the scene and rad, from which on linear buckling is of little use
-FAR = 0.1
+FAR = 0.05
 
 
 class BucklingModes(Motions):
@@ -180,7 +184,7 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
     if not solver.balanced():
         raise SceneError(f"critical_loads: the state is not an equilibrium at load_factor={load_factor:g}; give the load factor "
                          "at which it was found, 1 for solve_static(model).state, and the same at_time=, moves= and prestrains=")
-    tangent = _tangent(solver)
+    tangent = _tangent(solver, backend)
     try:
         modes = _lowest(tangent, n, negative)
     except SingularError:
@@ -195,7 +199,8 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
 class _Tangent(NamedTuple):
     """Tangent of an equilibrium, and what growing internal forces add to it."""
 
-    held: Saddle             # K, free motions fixed
+    held: Saddle             # K + shift K', free motions fixed
+    shift: float             # change of the load factor next to which solutions are found
     whole: Any               # K, symmetric where the loads have a potential
     growth: Any              # K', sparse [n, n]
     noise: Any               # round-off of the entries of K', sparse [n, n]
@@ -213,7 +218,7 @@ class _Found(NamedTuple):
     is_every: bool     # whether there are no more
 
 
-def _tangent(solver: PathSolver) -> _Tangent:
+def _tangent(solver: PathSolver, backend: str) -> _Tangent:
     """Assemble the tangent at the state of a solver, and what growing internal forces add to it.
 
     Raises
@@ -235,7 +240,8 @@ def _tangent(solver: PathSolver) -> _Tangent:
         return (0.5 * (given + given.T)).tocsr() if symmetric else given.tocsr()
 
     whole = of(matrix)
-    held = Saddle(whole, multiplier).holding(solver.hold_free(lambda: matrix))
+    free = solver.hold_free(lambda: matrix)
+    held = Saddle(whole, multiplier, factoriser_for(backend, threads=1)).holding(free)
     if held.solve(np.random.default_rng(0).standard_normal(multiplier.size)) is None or held.left.shape[1]:
         raise singular
     core = solver.core
@@ -251,7 +257,20 @@ def _tangent(solver: PathSolver) -> _Tangent:
     growth = _of_forces(solver, rates, step) + grown(by_strain + _of_springs(solver, motion), multiplier.size)
     growth = growth + grown(_of_laws(solver, rates, STEP / max(reach, 1e-300)), multiplier.size)
     noise = NOISE * (abs(growth) + abs(whole) / step)
-    return _Tangent(held, whole, of(growth), noise, reach, solver.unstable(), symmetric)
+    found = _Tangent(held, 0.0, whole, of(growth), noise, reach, solver.unstable(), symmetric)
+    return _held_by_loads(solver, found, backend) if free.size else found
+
+
+def _held_by_loads(solver: PathSolver, tangent: _Tangent, backend: str) -> _Tangent:
+    """Let solutions be found under a part of the loads, which may hold what moves freely without them, as a body that hangs."""
+    # of the size of the lowest, if no more: what moves freely is fixed
+    first = _lowest(tangent, 1, True, np.inf)
+    if not first.change.size:
+        return tangent
+    shift = SHIFT * float(abs(first.change[0]))
+    matrix = (tangent.whole + shift * tangent.growth).tocsr()
+    held = Saddle(matrix, tangent.held.multiplier, factoriser_for(backend, threads=1))
+    return tangent._replace(held=held.holding(solver.hold_free(lambda: matrix)), shift=shift)
 
 
 def _of_forces(solver: PathSolver, rates: Array, step: float) -> Any:
@@ -386,8 +405,8 @@ def _of_laws(solver: PathSolver, rates: Array, step: float) -> Any:
     return (4.0 * fine - coarse) / 3.0
 
 
-def _lowest(tangent: _Tangent, n: int, negative: bool) -> _Found:
-    """Find the n load factors next to that of the state, and some more.
+def _lowest(tangent: _Tangent, n: int, negative: bool, good: float = GOOD) -> _Found:
+    """Find the n load factors next to that of the state, and some more, with residuals up to this one.
 
     Raises
     ------
@@ -407,10 +426,10 @@ def _lowest(tangent: _Tangent, n: int, negative: bool) -> _Found:
 
     def rank(values: Array) -> Array:
         counts = np.isfinite(values) & (np.abs(np.imag(values)) <= REAL * np.abs(values)) & (negative | (np.real(values) > 0.0))
-        return np.where(counts, np.abs(values), np.inf)
+        return np.where(counts & (np.abs(values) > FREE * tangent.shift), np.abs(values), np.inf)
 
     begin = applied(applied(np.random.default_rng(0).standard_normal((size, BLOCK))))
-    found = nearest(applied, begin, 0.0, n + MORE, min(size, 12 * n + 240), rank)
+    found = nearest(applied, begin, tangent.shift, n + MORE, min(size, 12 * n + 240), rank)
     whole = found.basis @ found.parts
     # two of the same value may be a complex pair
     vectors = scale * np.where(np.imag(found.values) >= 0.0, np.real(whole), -np.imag(whole))
@@ -423,7 +442,7 @@ def _lowest(tangent: _Tangent, n: int, negative: bool) -> _Found:
     row = held.row[:, None]
     residuals = np.linalg.norm(row * (stiff + change * geometric), axis=0) / np.linalg.norm(row * terms, axis=0)
     order = np.argsort(np.abs(change))
-    order = order[residuals[order] <= GOOD]
+    order = order[residuals[order] <= good]
     return _Found(change[order], vectors[:, order], residuals[order], found.is_converged and change.size < n + MORE)
 
 
@@ -437,7 +456,8 @@ def _is_complete(solver: PathSolver, tangent: _Tangent, found: _Found, n: int, n
         return False
     last = int(gaps[-1])
     for sign in (1.0, -1.0)[:1 + negative]:
-        there = Saddle(tangent.held.matrix + sign * 0.5 * (size[last - 1] + size[last]) * tangent.growth, tangent.held.multiplier)
+        change = sign * 0.5 * (size[last - 1] + size[last])
+        there = Saddle((tangent.held.matrix + (change - tangent.shift) * tangent.growth).tocsr(), tangent.held.multiplier)
         there.nodes = solver.free_motions.nodes
         signs = there.signs()
         if signs is None or signs != (int(np.sum(sign * found.change[:last] > 0.0)), 0):
@@ -466,7 +486,8 @@ def _result(model: Model, solver: PathSolver, tangent: _Tangent, found: _Found, 
              + NOISE * np.sum(np.abs(x) * (abs(tangent.whole) @ np.abs(x)), axis=0))
     info = {"scene": model.scene_name, "method": "linear buckling", "load_factor": float(solver.factor), "complete": complete,
             "counted_in": "plane" if flat else "space", "unknowns": about.free.size, "held_sliders": about.held_sliders,
-            "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric}
+            "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric,
+            "solver": "none" if tangent.held.by is None else tangent.held.by.name}
     by = 1.0 / size[:, None, None]
     return BucklingModes(solver.factor + change, change, by * moved, by * spins,
                          x[solver.places].T / size[:, None] * solver.sliding, residuals,
