@@ -272,6 +272,22 @@ def _joint(kind: Any, *axes: tuple[str, tuple[float, float, float]], **options: 
     return feature
 
 
+def _rack(h: Host) -> None:
+    """A hinge between apex and arm that moves a rack on a spring."""
+    hinges: list[fb.RevoluteJoint] = []
+
+    def hinge(a: Any, b: Any, name: str) -> fb.RevoluteJoint:
+        hinges.append(fb.RevoluteJoint(a, b, name, axis=h.u.way(0, 1, 0)))
+        return hinges[-1]
+
+    h.arm(hinge)
+    rack = fb.RigidBody(h.tag + "rack", mass=h.draw(0.02, 0.2) * h.u.kg, inertia=(1e-3 * h.u.kg * h.u.m**2,) * 3,
+                        position=h.at(0.4, 0.0, h.rise + 0.7))
+    guide = fb.PrismaticJoint(fb.GROUND, rack, h.tag + "guide", axis=h.u.way(1, 0, 0),
+                              stiffness=h.draw(10, 100) * h.u.N / h.u.m)
+    h.add(rack, guide, fb.GearCoupling(hinges[0], guide, h.tag + "gear", ratio=h.draw(0.05, 0.2) * h.u.m))
+
+
 def _slide(kind: Any = fb.Slider, **options: Callable[[Host], Any]) -> Callable[[Host], None]:
     return lambda h: h.slide(kind, **{name: of(h) for name, of in options.items()})
 
@@ -416,6 +432,7 @@ JOINTS: dict[str, Callable[[Host], None]] = {
     "universal joint": _joint(fb.UniversalJoint, ("axis_a", Y), ("axis_b", X)),
     "cylindrical joint": _joint(fb.CylindricalJoint, ("axis", X)),
     "screw joint": _joint(fb.ScrewJoint, ("axis", X), pitch=lambda h: h.draw(0.05, 0.2) * h.u.m),
+    "rack and pinion": _rack,
     "prismatic joint": _joint(fb.PrismaticJoint, ("axis", (1, 0, 1))),
     "planar joint": _joint(fb.PlanarJoint, ("normal", Y)),
     "spherical joint": _joint(fb.SphericalJoint, ("axis", X), stiffness=lambda h: (0.2 * h.u.Nm,) * 2,
@@ -605,6 +622,8 @@ FAMILIES = {
                       "planar joint", "spherical joint", "body", "point mass", "hanging mass", "spring", "bushing",
                       "slider with viscous friction", "slider with friction"),
                      ("slider with viscous friction", "hinge with spring", "spring", "hanging mass"), tuple(ANALYSES)),
+    "gears": Family((*BARE, "screw joint", "rack and pinion", "hinge with spring", "hinge with friction", "slider", "body", "spring"),
+                    ("rack and pinion", "hinge with friction", "slider", "spring"), tuple(ANALYSES)),
     "laws": Family((*BARE, "section damping", "user force", "line force", "force element", "load in time", "gravity in time",
                     "controller", "rope", "spring by a table", "damper", "drag", "linear drag", "follower load",
                     "moving support", "body", "point mass"),
