@@ -11,7 +11,7 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.beams.nodes import extrapolation, remember
-from fastbeam.kernels.contact.coulomb import begin_fallback, cycles, next_stage
+from fastbeam.kernels.contact.coulomb import begin_fallback, begin_round, cycles
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import kernel
@@ -184,7 +184,7 @@ def put_mean_loads(loads, system, k):
 def assemble_step(terms, system, h):
     """Assemble residual and tangent of one Newton iteration at the present dphi, theta, s_end, force."""
     method = system.method
-    next_stage(system.work.increment)
+    begin_round(system.work.increment)
     clear_equations(system.work)
     spread_nodes.call(system.dofs, method, system.state, system.work, h, 0, system.row_of.shape[0])
     clear.each(terms, method, system)
@@ -503,7 +503,7 @@ def guess_some(terms, system, h, c):
 
 @kernel
 def clear_some(terms, system):
-    next_stage(system.work.increment)
+    begin_round(system.work.increment)
     clear.each(terms, system.method, system)
 
 

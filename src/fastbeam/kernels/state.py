@@ -12,21 +12,20 @@ from fastbeam.kernels.jit.decorators import kernel, separate
 
 # `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
-# index in `control`: stage of the step if slip directions cycle (coulomb.py), else 0; it may then take this many times as many
-# iterations
+# index in `control`: 1 in the fallback of friction (coulomb.py); the step may then take this many times the iterations
 FALLBACK, MORE_ITERATIONS = 3, 5
 # index in `control`: 1 if friction began to stick or to slip in this iteration, so that its increment is more than round-off
 CHANGED = 4
-# indices in `control`: 1 if the next stage is asked for; iterations of this stage; how often its compliance was made larger;
-# iterations since its active set could change, and how often it could; size of the last increment, and of the one before
-ASKED, TRIED, SOFTENED, WAITED, ROUNDS, MOVED, MOVED_BEFORE = range(5, 12)
-CONTROLS = 12
+# indices in `control`: 1 if the fallback is asked for; number of times that all coordinates began again in it; iterations since
+# its active set could change, and number of times that it could; size of the last increment, and of the one before
+ASKED, BEGUN, WAITED, ROUNDS, MOVED, MOVED_BEFORE = range(5, 11)
+CONTROLS = 11
 
 
 class LastIncrement(NamedTuple):
     """Last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    control: np.ndarray   # float64 [12]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that
+    control: np.ndarray   # float64 [11]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that
     #                       of the scene, up to which it does not; size of the first increment of the step, -1 before there is
     #                       one; FALLBACK, CHANGED, and those of coulomb.py
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:

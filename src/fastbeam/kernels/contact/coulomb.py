@@ -2,17 +2,19 @@
 
 The velocity at the end of the step decides, anew in every iteration: what sticks, Ds = rest, slips once sticking takes more than
 the bound; what slips sticks once its velocity has turned around. Where these directions cycle in one coordinate, the fallback
-begins: for the rest of the step the increments Ds of all coordinates decide, together and in stages.
+begins: for the rest of the step the increments Ds of all coordinates decide, Ds = 0 where one sticks.
 
-    LAW      Coulomb's law with Ds = 0 where one sticks (an active set). It changes in rounds, once Newton's method converges with
-             it; if all coordinates cannot change at once, every second one may in a round, then every fourth
-    SOFT     friction is -Ds/c as long as that is below the bound, and the bound beyond. c is of the size of the compliance of
-             the parts in the step, and made larger until Newton's method converges
-    SHARP    the same with a smaller c
-    AGAIN    Coulomb's law, from what SHARP leaves: what is below the bound sticks
-    LAST     as SHARP: friction below the bound misses Coulomb's law
+What sticks and what slips is an active set. It changes in rounds, whenever Newton's method converges with it; if all
+coordinates cannot change at once, every second one may in a round, then every fourth. A coordinate that goes to and fro gets
+soft friction: -Ds/c as long as that is below the bound, and the bound beyond, c of the size of the compliance of the parts in
+the step. The first time it sticks again once Newton's method has converged with friction below the bound. The second time c is
+made smaller instead. If a smaller c does not converge, a c between it and the last one that converged is tried; after the
+second failure the last one stays. If the first c does not converge, it is made larger. If Newton's method does not converge
+with a set that would stay, all coordinates stick at first, then all have soft friction. A coordinate that sticks within the
+bound, or slips with friction at the bound, obeys Coulomb's law in Ds, whatever c is; one that ends with friction below the
+bound misses it.
 
-The stage is that of the step, in `LastIncrement.control`: the order of coordinates makes no difference.
+Rounds are those of the step, in `LastIncrement.control`: the order of coordinates makes no difference.
 """
 from __future__ import annotations
 
@@ -21,22 +23,26 @@ from typing import NamedTuple
 import numpy as np
 
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.state import ASKED, CHANGED, FALLBACK, MOVED, MOVED_BEFORE, ROUNDS, SOFTENED, TRIED, WAITED
+from fastbeam.kernels.state import ASKED, BEGUN, CHANGED, FALLBACK, MOVED, MOVED_BEFORE, ROUNDS, WAITED
 
 # changes of the slip direction in one step, or iterations of it, after which Newton's method counts as cycling; iterations that
 # evaluate slip directions before convergence counts
 MOST_FLIPS, LATE, JUDGED = 6, 12, 2
-LAW, SOFT, SHARP, AGAIN, LAST = range(1, 6)
-# iterations after which a c counts as not converged, and an active set changes in any case; iterations after which active sets
-# count as cycling; rounds after which fewer coordinates may change
-PATIENCE, MOST_OF_LAW, TURN = 8, 40, 8
+# iterations after which Newton's method counts as not converging with a set; rounds after which fewer coordinates may change;
+# rounds in which a coordinate may change before its friction is soft
+PATIENCE, TURN, MOST_TURNS = 8, 8, 5
 # Newton's method converges if an increment is below the first, relative to the scene, and below the other share of the one before
 CLOSE, SHRINKS = 1e-3, 0.25
-# factor from c of SOFT to that of SHARP; from c to the next where it does not converge
-SHARPER, SOFTER = 1.0 / 64.0, 8.0
-# states of a coordinate in the fallback: friction below the bound is that of c; it is that of c beyond the bound, too, if the
-# coordinate has just turned around
-NEW, SLIPS, STICKS, WITHIN, TURNS = range(5)
+# most c that are tried; factor from one c to the next; divisor that takes its place once a smaller c has not converged, and
+# factor of a first c that has not; number of failures after which c stays
+LEVELS, SHARPER, SOFTER, MOST_FAILED = 5, 1.0 / 64.0, 8.0, 2
+# value of WAITED in an iteration in which all coordinates begin again
+ANEW = -1.0
+# states of a coordinate in the fallback; the last two have soft friction, at the bound and below it
+NEW, SLIPS, STICKS, BEYOND, WITHIN = range(5)
+# columns of `soft`: 0 while there is no soft friction, then number of c tried; iterations since; number of smaller c that have
+# not converged; 1 if the coordinate had soft friction before, and stuck again
+LEVEL, TRIED, FAILED, AGAIN = range(4)
 
 
 class Coulomb(NamedTuple):
@@ -46,12 +52,13 @@ class Coulomb(NamedTuple):
     rest: np.ndarray        # float64 [n]: increment Ds that leaves the coordinate at rest at the end of the step, m or rad
     against: np.ndarray     # int64 [n]: -1 or 1 where it rests against a rigid stop at the first or the last value, else 0
     flips: np.ndarray       # int64 [n]: number of iterations of the step that have changed the sign
+    turns: np.ndarray       # int64 [n]: number of rounds that have changed the state since friction was soft
     judged: np.ndarray      # int64 [n]: number of iterations of the step
-    branch: np.ndarray      # int64 [n]: NEW, SLIPS, STICKS, WITHIN or TURNS
+    branch: np.ndarray      # int64 [n]: NEW, SLIPS, STICKS, BEYOND or WITHIN
     missed: np.ndarray      # int64 [n]: number of steps of the run that missed Coulomb's law
     found: np.ndarray       # float64 [n]: compliance of the parts as found last in this step, m/N or rad/(N m); or 0
-    first: np.ndarray       # float64 [n]: c of SOFT; 0 until it is known
-    compliance: np.ndarray  # float64 [n]: c of this iteration
+    compliance: np.ndarray  # float64 [n]: c; 0 until it is known
+    soft: np.ndarray        # int64 [n, 4]: LEVEL, TRIED, FAILED and AGAIN
     inertia: np.ndarray     # float64 [n]: mass of the scene, kg; for angles times the square of its size, kg m^2
 
 
@@ -69,7 +76,8 @@ class Attempt(NamedTuple):
 def coulomb_of(inertia: np.ndarray) -> Coulomb:
     """Return the record of coordinates with this inertia."""
     n = inertia.size
-    return Coulomb(np.zeros(n, np.int64), np.zeros(n), *np.zeros((5, n), np.int64), *np.zeros((3, n)), inertia)
+    return Coulomb(np.zeros(n, np.int64), np.zeros(n), *np.zeros((6, n), np.int64), *np.zeros((2, n)), np.zeros((n, 4), np.int64),
+                   inertia)
 
 
 def part_of(coulomb: Coulomb, which: np.ndarray) -> Coulomb:
@@ -86,58 +94,36 @@ def cycles(increment):
 
 @kernel
 def begin_fallback(increment):
-    """Begin with the first stage."""
+    """Begin the fallback with the next iteration."""
     for i in range(CHANGED, increment.control.shape[0]):
         increment.control[i] = 0.0
-    increment.control[FALLBACK] = LAW
+    increment.control[FALLBACK] = 1.0
 
 
 @kernel
-def next_stage(increment):
-    """Find the stage of the next iteration."""
+def begin_round(increment):
+    """Find whether the active set may change in the next iteration."""
     control = increment.control
-    stage = control[FALLBACK]
-    asked = control[ASKED] != 0.0
+    asked, changed = control[ASKED] != 0.0, control[CHANGED] != 0.0
     control[CHANGED] = 0.0
     control[ASKED] = 0.0
-    if stage == 0.0 and not asked:
+    if control[FALLBACK] == 0.0:
+        control[FALLBACK] = 1.0 if asked else 0.0
         return
-    if control[MOVED] <= min(CLOSE, SHRINKS * control[MOVED_BEFORE]) or control[WAITED] >= PATIENCE:
+    if control[MOVED] <= min(CLOSE, SHRINKS * control[MOVED_BEFORE]) or changed and control[WAITED] >= PATIENCE:
         control[WAITED] = 0.0
         control[ROUNDS] += 1.0
+    elif control[WAITED] >= PATIENCE:
+        control[WAITED] = ANEW
+        control[BEGUN] += 1.0
     else:
-        control[WAITED] += 1.0
-    control[TRIED] += 1.0
-    late = control[TRIED] > (MOST_OF_LAW if is_law(stage) else PATIENCE)
-    if (stage == SOFT or stage == LAST) and late and not asked:
-        control[SOFTENED] += 1.0
-        control[TRIED] = 0.0
-    elif stage != LAST and (asked or late):
-        control[FALLBACK] = stage + 1.0
-        control[TRIED] = 0.0
-        control[WAITED] = 1.0
-        control[ROUNDS] = 0.0
-
-
-@kernel
-def is_law(stage):
-    return stage == LAW or stage == AGAIN
-
-
-@kernel
-def softness(increment):
-    """Return c of this stage as a share of the first one, 0 where Coulomb's law holds."""
-    stage = increment.control[FALLBACK]
-    if is_law(stage):
-        return 0.0
-    soft = SOFTER ** increment.control[SOFTENED]
-    return soft if stage == SOFT else soft * SHARPER
+        control[WAITED] = max(control[WAITED], 0.0) + 1.0
 
 
 @kernel
 def may_change(increment, i):
-    """Return whether coordinate i may begin to slip or to stick in this iteration of an active set: neighbours that only change
-    together never settle."""
+    """Return whether coordinate i may begin to slip or to stick in this iteration: neighbours that only change together never
+    settle."""
     rounds = int(increment.control[ROUNDS])
     share = 1 if rounds < TURN else 2 if rounds < 3 * TURN else 4
     return increment.control[WAITED] == 0.0 and i % share == rounds % share
@@ -160,8 +146,11 @@ def begin_coulomb(coulomb, i, sign, against):
     coulomb.flips[i] = 0
     coulomb.judged[i] = 0
     coulomb.branch[i] = NEW
+    coulomb.turns[i] = 0
     coulomb.found[i] = 0.0
-    coulomb.first[i] = 0.0
+    coulomb.compliance[i] = 0.0
+    for c in range(4):
+        coulomb.soft[i, c] = 0
 
 
 @kernel
@@ -213,58 +202,117 @@ def judge(coulomb, i, increment, h, attempt):
 @kernel
 def judge_in_fallback(coulomb, i, increment, h, ahead, attempt):
     """Find from the increment Ds in which state of the fallback coordinate i is."""
-    before, sign = coulomb.branch[i], coulomb.sign[i]
-    if coulomb.first[i] == 0.0 and coulomb.found[i] > 0.0:
-        # round the compliance up to h^2/inertia times a power of 8: solvers find it to a few digits only
-        unit = h * h / coulomb.inertia[i]
-        coulomb.first[i] = unit * 8.0 ** np.ceil(np.log2(coulomb.found[i] / unit) / 3.0)
-    coulomb.compliance[i] = coulomb.first[i] * softness(increment)
+    before, sign, waited = coulomb.branch[i], coulomb.sign[i], increment.control[WAITED]
     way, force, bound = ahead * attempt.way, ahead * attempt.force, attempt.most + attempt.more
     to = 1 if way > 0.0 else -1
-    turned = before == SLIPS and to != sign
-    broken = before == STICKS and abs(force) > bound
+    if coulomb.compliance[i] == 0.0 and coulomb.found[i] > 0.0:
+        # round the compliance up to h^2/inertia times a power of 8: solvers find it to a few digits only
+        unit = h * h / coulomb.inertia[i]
+        coulomb.compliance[i] = unit * 8.0 ** np.ceil(np.log2(coulomb.found[i] / unit) / 3.0)
     branch = before
-    if coulomb.compliance[i] > 0.0:
-        branch = WITHIN if abs(way) < coulomb.compliance[i] * attempt.most else TURNS if turned else SLIPS
-        sign = to
-    elif before == SLIPS or before == STICKS:
-        if broken and may_change(increment, i):
-            branch, sign = SLIPS, -1 if force > 0.0 else 1
-        elif turned and may_change(increment, i):
-            branch = STICKS
-    else:
+    if waited == ANEW:
+        branch = STICKS
+        if increment.control[BEGUN] > 1.0 and coulomb.compliance[i] > 0.0 and coulomb.soft[i, LEVEL] == 0:
+            begin_soft(coulomb, i, 1)
+    elif before == NEW:
         # behind iterations that cycle as they left it, in a step that begins again it sticks
-        branch = SLIPS if before == NEW and coulomb.judged[i] > 1 and to == sign else STICKS
+        branch = SLIPS if coulomb.judged[i] > 1 and to == sign else STICKS
+    elif before == SLIPS and to != sign:
+        if may_change(increment, i):
+            branch = STICKS
+        note_change(abs(way) > attempt.least, increment)
+    elif before == STICKS and abs(force) > bound:
+        if may_change(increment, i):
+            branch = SLIPS
+            sign = -1 if force > 0.0 else 1
+        note_change(abs(force) > bound + coulomb.inertia[i] / (h * h) * attempt.least, increment)
+    if waited == 0.0 and branch != before and before != NEW:
+        coulomb.turns[i] += 1
+        if coulomb.turns[i] > MOST_TURNS and coulomb.compliance[i] > 0.0:
+            begin_soft(coulomb, i, coulomb.soft[i, AGAIN])
+    if coulomb.soft[i, LEVEL] > 0:
+        soften_or_sharpen(coulomb, i)
+        branch = WITHIN if abs(way) < coulomb.compliance[i] * attempt.most else BEYOND
+        sign = to
+    elif before == NEW or waited == ANEW:
+        note_change(True, increment)
+        sign = to
     coulomb.branch[i] = branch
     coulomb.sign[i] = 0 if branch == STICKS else sign
-    noise = coulomb.inertia[i] / (h * h) * attempt.least
-    is_round_off = turned and abs(way) <= attempt.least or broken and abs(force) <= bound + noise
-    # soft friction is continuous where it reaches the bound
-    stays = branch == before or (branch != STICKS and branch != TURNS and before != STICKS and before != NEW)
-    misfits = (turned or broken) and not coulomb.compliance[i] > 0.0
-    note_change((misfits or not stays) and not is_round_off, increment)
+
+
+@kernel
+def begin_soft(coulomb, i, again):
+    """Begin with soft friction of coordinate i; again: 1 if it does not stick again afterwards."""
+    coulomb.turns[i] = 0
+    coulomb.soft[i, LEVEL] = 1
+    coulomb.soft[i, TRIED] = 0
+    coulomb.soft[i, FAILED] = 0
+    coulomb.soft[i, AGAIN] = again
+
+
+@kernel
+def factor(soft, i):
+    """Return the factor from this c to the next smaller one."""
+    return SHARPER if soft[i, FAILED] == 0 else 1.0 / SOFTER
+
+
+@kernel
+def soften_or_sharpen(coulomb, i):
+    """Count an iteration with this c; if Newton's method does not converge with it, take a larger one, or the last one with which
+    it has converged."""
+    soft = coulomb.soft
+    soft[i, TRIED] += 1
+    if soft[i, TRIED] <= PATIENCE:
+        return
+    if soft[i, LEVEL] == 1 and soft[i, FAILED] == 0:
+        coulomb.compliance[i] *= SOFTER
+        soft[i, TRIED] = 0
+    elif soft[i, LEVEL] > 1 and soft[i, FAILED] < MOST_FAILED:
+        coulomb.compliance[i] /= factor(soft, i)
+        soft[i, LEVEL] -= 1
+        soft[i, TRIED] = 0
+        soft[i, FAILED] += 1
 
 
 @kernel
 def is_soft(coulomb, i):
     """Return whether friction is -Ds/c in this iteration."""
-    return coulomb.branch[i] == WITHIN or coulomb.branch[i] == TURNS
+    return coulomb.branch[i] == WITHIN
+
+
+@kernel
+def is_sharp(coulomb, i):
+    """Return whether the converged step obeys Coulomb's law in coordinate i with soft friction, or no smaller c is left to try;
+    otherwise the coordinate sticks again, or c is made smaller."""
+    soft = coulomb.soft
+    soft[i, TRIED] = 0
+    if coulomb.branch[i] != WITHIN:
+        return True
+    if soft[i, AGAIN] == 0:
+        soft[i, AGAIN] = 1
+        soft[i, LEVEL] = 0
+        coulomb.branch[i] = STICKS
+        return False
+    if soft[i, FAILED] == MOST_FAILED or soft[i, LEVEL] == LEVELS:
+        return True
+    soft[i, LEVEL] += 1
+    coulomb.compliance[i] *= factor(soft, i)
+    return False
 
 
 @kernel
 def obeys(coulomb, i, increment, h, way, force, breaks):
-    """Return whether a converged step obeys Coulomb's law in coordinate i, or no stage is left to try; otherwise the next
-    iteration decides anew. way: Ds; force: as it held or rubbed; breaks: whether it exceeds the bound of a coordinate that sticks
-    outside the fallback."""
+    """Return whether a converged step obeys Coulomb's law in coordinate i, or friction stays soft; otherwise the next iteration
+    decides anew. way: Ds; force: as it held or rubbed; breaks: whether it exceeds the bound of a coordinate that sticks, outside
+    the fallback."""
     settled = coulomb.judged[i] >= JUDGED
-    stage = increment.control[FALLBACK]
-    if stage == 0.0:
+    if increment.control[FALLBACK] == 0.0:
         settled = settled and not breaks
     elif coulomb.against[i] == 0:
-        if is_soft(coulomb, i) and stage != LAST:
-            increment.control[ASKED] = 1.0
+        if increment.control[CHANGED] != 0.0:
             settled = False
-        elif coulomb.branch[i] == TURNS or increment.control[CHANGED] != 0.0:
+        if coulomb.soft[i, LEVEL] > 0 and not is_sharp(coulomb, i):
             settled = False
     # friction that would put energy in is rejected: then the increment decides
     if coulomb.rest[i] != 0.0 and h > 0.0 and (force if coulomb.sign[i] == 0 else -1.0 * coulomb.sign[i]) * way > 0.0:
