@@ -340,3 +340,16 @@ def test_load_factors_do_not_depend_on_units() -> None:
         found.append(fb.critical_loads(fb.compile_scene(scene), n=3))
     np.testing.assert_allclose(found[0].load_factors, found[1].load_factors, rtol=1e-9)
     np.testing.assert_allclose(found[0].motion_before, found[1].motion_before, rtol=1e-9)
+
+
+@pytest.mark.parametrize("below", [True, False])
+def test_a_body_above_its_joint_topples_at_once(below: bool) -> None:
+    """One that hangs below it does not."""
+    of = section(1e3)
+    beam = fb.Beam.straight("column", (0, 0, 0), (0, 0, L), section=of, elements=6, d2=(1, 0, 0))
+    z = L - 0.5 if below else L + 0.5
+    body = fb.RigidBody("body", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, z))
+    scene = fb.Scene(beam, fb.Clamp(beam.start), body, fb.BallJoint(beam.end, body.point((0, 0, L - z))), gravity=(0, 0, -9.81))
+    found = fb.critical_loads(fb.compile_scene(scene), n=1)
+    assert found.info["toppling"] == (0 if below else 2) and found.is_complete == below
+    assert ["grow under the smallest" in event["text"] for event in found.events] == ([] if below else [True])
