@@ -170,9 +170,10 @@ def containers(folder: Path) -> Iterator[tuple[str, Callable[..., Any], dict[str
     yield of("section_forces", "shapes", plain(model().state()), is_real)
     yield of("solve_static", "levels", [0.5, 1.0], is_real)
     yield of("stick_interval", "within", [0.0, 1.0], is_real)
-    yield of("solve_path", "moves", {LIFT: (0.0, 0.0, 0.01)}, either(is_real, is_row), model=lifted())
+    for call in ("solve_path", "critical_loads"):
+        yield of(call, "moves", {LIFT: (0.0, 0.0, 0.01)}, either(is_real, is_row), model=lifted())
+        yield of(call, "prestrains", {BEAM: 0.01}, is_real, model=lifted())
     yield of("solve_path", "stop", {("tip", "z"): -0.1}, is_real, points={"tip": BEAM.end})
-    yield of("solve_path", "prestrains", {BEAM: 0.01}, is_real, model=lifted())
     yield of("Travel", "speeds", {BEAM: 1.0}, is_real)
     yield of("frequency_response", "frequencies", [3.0, 4.0], is_real)
     yield of("frequency_response", "base", [1.0, 0.0, 1.0], either(is_real, one_of(complex)))

@@ -71,7 +71,8 @@ def modes() -> Modes:
 
 @cache
 def buckling() -> fb.BucklingModes:
-    return fb.critical_loads(held(), prestrains={BEAM: -0.01}, n=2)
+    pressed = fb.compile_scene(fb.Scene(BEAM, fb.Clamp(BEAM.start), fb.Clamp(BEAM.end)))
+    return fb.critical_loads(pressed, prestrains={BEAM: -0.01}, n=2)
 
 
 @cache

@@ -45,7 +45,7 @@ def test_a_rotor_in_cross_coupled_bearings(q: float) -> None:
     np.testing.assert_allclose(found.rates[:2], exact, rtol=1e-9)
     assert np.max(found.residuals) < 1e-9
     grows = q > c * np.sqrt(k / m)
-    assert found.unstable == int(grows) and np.any(found.decay[:2] < 0.0) == grows
+    assert found.unstable == int(grows) and np.any(found.decay[:2] < 0.0) == grows == ("motions grow" in found.table())
     # circles: y is a quarter of a turn beside x, the one that grows follows q
     for k_, rate in enumerate(found.rates[:2]):
         x, y = found.displacements[k_, 0, :2]
@@ -67,7 +67,7 @@ def gyroscope(t: float, position: Array, rotation: Array, velocity: Array, spin:
 def test_gyroscopic_moments_are_a_law() -> None:
     """I r^2 - i G r + k = 0 of the tilt x + i y."""
     inertia, k, G = 0.1, 50.0, 7.0
-    disc = fb.RigidBody("disc", mass=100.0, inertia=(inertia, inertia, 1.0), position=(0, 0, 0))
+    disc = fb.RigidBody("disc", mass=100.0, inertia=(inertia, inertia, 0.2), position=(0, 0, 0))
     law = fb.ForceElement(fb.GROUND.point((0, 0, 0)), disc.center, "spin", law=gyroscope, parameters=(k, G))
     found = fb.modes(fb.compile_scene(fb.Scene(disc, law)), damped=True, n=6)
     for exact in np.abs(np.roots([inertia, -1j * G, k])):

@@ -165,7 +165,7 @@ def test_a_roller_on_a_rail() -> None:
 def test_lateral_buckling_of_a_strip_and_of_a_beam_under_end_moments() -> None:
     """Prandtl: 4.012599344 sqrt(EI GJ)/L^2 of a strip with a force at its end, pi/L sqrt(EI GJ) of a beam in forks: as in
     textbooks, the deflection before does not count."""
-    of = fb.Section(EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=30.0, EI3=1.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+    of = fb.Section(EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=100.0, EI3=1.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
     beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=of, elements=12)
     strip = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, -1.0)))
     forks = [fb.UniversalJoint(fb.GROUND, end, name, axis_a=(0, 1, 0), axis_b=(0, 0, 1))
@@ -324,3 +324,32 @@ def test_random_columns_with_struts_that_spin_and_bodies_that_hang(seed: int) ->
     # shear of columns that are held at their tops counts a little less
     assert found.load_factors[0] * of.force == pytest.approx(exact, rel=2e-6 if of.kind in ("bare", "body") else 1e-4)
     assert found.is_complete
+
+
+def test_load_factors_do_not_depend_on_units() -> None:
+    found = []
+    for length, force in ((1.0, 1.0), (1e3, 1e-3)):
+        bends = force * length**2
+        of = fb.Section(EA=1e6 * force, GA2=4e5 * force, GA3=4e5 * force, GJ=20.0 * bends, EI2=300.0 * bends, EI3=50.0 * bends,
+                        rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+        post = fb.Beam.straight("post", (0, 0, 0), (0, 0, 2.0 * length), section=of, elements=4)
+        arm = fb.Beam.straight("arm", (0, 0, 2.0 * length), (0.7 * length, 0, 2.0 * length), section=of, elements=3)
+        tie = fb.Spring(arm.end, fb.GROUND.point((0.5 * length, 0.3 * length, 0)), "tie", stiffness=100.0 * force / length)
+        scene = fb.Scene(post, arm, fb.RigidConnection(post.end, arm.start), fb.Clamp(post.start), tie,
+                         fb.Load("weight", post.end, force=(0, 0, -force)))
+        found.append(fb.critical_loads(fb.compile_scene(scene), n=3))
+    np.testing.assert_allclose(found[0].load_factors, found[1].load_factors, rtol=1e-9)
+    np.testing.assert_allclose(found[0].motion_before, found[1].motion_before, rtol=1e-9)
+
+
+@pytest.mark.parametrize("below", [True, False])
+def test_a_body_above_its_joint_topples_at_once(below: bool) -> None:
+    """One that hangs below it does not."""
+    of = section(1e3)
+    beam = fb.Beam.straight("column", (0, 0, 0), (0, 0, L), section=of, elements=6, d2=(1, 0, 0))
+    z = L - 0.5 if below else L + 0.5
+    body = fb.RigidBody("body", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, z))
+    scene = fb.Scene(beam, fb.Clamp(beam.start), body, fb.BallJoint(beam.end, body.point((0, 0, L - z))), gravity=(0, 0, -9.81))
+    found = fb.critical_loads(fb.compile_scene(scene), n=1)
+    assert found.info["toppling"] == (0 if below else 2) and found.is_complete == below
+    assert ["grow under the smallest" in event["text"] for event in found.events] == ([] if below else [True])

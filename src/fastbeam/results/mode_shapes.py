@@ -373,6 +373,9 @@ class DampedModes(Motions):
         for k in range(len(self)):
             rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.undamped[k] / (2.0 * np.pi):14.8g} "
                         f"{self.damping_ratios[k]:14.7g} {self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
+        if self.unstable:
+            rows.append(f"{self.unstable} of these motions grow: flutter where they have a frequency, divergence where they have "
+                        "none")
         return "\n".join([*rows, *self._doubts()])
 
 

@@ -446,6 +446,15 @@ def _lowest(tangent: _Tangent, n: int, negative: bool, good: float = GOOD) -> _F
     return _Found(change[order], vectors[:, order], residuals[order], found.is_converged and change.size < n + MORE)
 
 
+def _negative(solver: PathSolver, tangent: _Tangent, change: float) -> int | None:
+    """Count negative directions of K + c K' at a change of the load factor; None where the number is not certain, or some are
+    zero."""
+    there = Saddle((tangent.held.matrix + (change - tangent.shift) * tangent.growth).tocsr(), tangent.held.multiplier)
+    there.nodes = solver.free_motions.nodes
+    signs = there.signs()
+    return None if signs is None or signs[1] else signs[0]
+
+
 def _is_complete(solver: PathSolver, tangent: _Tangent, found: _Found, n: int, negative: bool) -> bool:
     """Return whether as many directions have become unstable, at a load factor behind the n-th, as were found until there."""
     if found.is_every:
@@ -457,10 +466,7 @@ def _is_complete(solver: PathSolver, tangent: _Tangent, found: _Found, n: int, n
     last = int(gaps[-1])
     for sign in (1.0, -1.0)[:1 + negative]:
         change = sign * 0.5 * (size[last - 1] + size[last])
-        there = Saddle((tangent.held.matrix + (change - tangent.shift) * tangent.growth).tocsr(), tangent.held.multiplier)
-        there.nodes = solver.free_motions.nodes
-        signs = there.signs()
-        if signs is None or signs != (int(np.sum(sign * found.change[:last] > 0.0)), 0):
+        if _negative(solver, tangent, change) != int(np.sum(sign * found.change[:last] > 0.0)):
             return False
     return True
 
@@ -487,12 +493,21 @@ def _result(model: Model, solver: PathSolver, tangent: _Tangent, found: _Found, 
     info = {"scene": model.scene_name, "method": "linear buckling", "load_factor": float(solver.factor), "complete": complete,
             "counted_in": "plane" if flat else "space", "unknowns": about.free.size, "held_sliders": about.held_sliders,
             "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric,
-            "solver": "none" if tangent.held.by is None else tangent.held.by.name}
+            "toppling": _toppling(solver, tangent, found), "solver": "none" if tangent.held.by is None else tangent.held.by.name}
     by = 1.0 / size[:, None, None]
     return BucklingModes(solver.factor + change, change, by * moved, by * spins,
                          x[solver.places].T / size[:, None] * solver.sliding, residuals,
                          rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
                          about.q[:, 0].copy(), about.q[:, 1:].copy())
+
+
+def _toppling(solver: PathSolver, tangent: _Tangent, found: _Found) -> int:
+    """Count motions that are free without the loads and grow under the smallest ones, as of a body above its joint."""
+    if not tangent.shift or not tangent.is_symmetric or tangent.unstable is None:
+        return 0
+    count = _negative(solver, tangent, tangent.shift)
+    below = int(np.sum((found.change > 0.0) & (found.change < tangent.shift)))
+    return 0 if count is None else max(count - below - tangent.unstable, 0)
 
 
 def _events(found: BucklingModes) -> list[dict[str, Any]]:
@@ -504,6 +519,9 @@ def _events(found: BucklingModes) -> list[dict[str, Any]]:
         out.append({"kind": "unresolved", "text": f"until load factor {found.load_factors[k]:.6g} (mode {k}) the scene moves by "
                     f"{found.motion_before[k]:.2g} of its size or rad, which linear buckling neglects; follow the path with "
                     "solve_path, or give a state nearer to it"})
+    if found.info["toppling"]:
+        out.append({"kind": "unresolved", "text": f"{found.info['toppling']} motions that are free without the loads grow under "
+                    "the smallest ones, as of a body above its joint; support it, or find what is at rest with solve_static"})
     if not found.info["conservative"]:
         out.append({"kind": "nonconservative", "text": "follower loads, laws, moving air and moments with fixed axes have no "
                     "potential: these are load factors of divergence only; vibrations that grow (flutter) are found by fb.modes "

@@ -133,15 +133,32 @@ class Linearisation:
         multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
         transposed = matrix.T.tocsr()
         skew = (matrix - transposed).tocoo()
-        size = np.sqrt(self._diagonal(matrix, keep))
-        if any(without_potential(self.own)):
-            size = np.where(size > 0.0, size, _sizes_off_diagonal(matrix[:, ~multiplier][~multiplier], size[~multiplier], multiplier))
+        size = self._sizes(matrix, keep, ~multiplier)
         scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
         within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
         symmetric = not np.any(scaled[within] > SKEW)
         if symmetric:
             matrix = 0.5 * (matrix + transposed)
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
+
+    def _sizes(self, matrix: Any, keep: Array, moves: Array) -> Array:
+        """Return sizes of unknowns by which entries of a stiffness are scaled: roots of the diagonal, and where loads have no
+        potential by the largest entry off the diagonal, as of a mass without stiffness that a force follows; 0 where there is
+        none. keep: places of its rows; moves: bool [n], those that are no multipliers."""
+        from scipy import sparse
+        size = np.sqrt(self._diagonal(matrix, keep))
+        if not any(without_potential(self.own)):
+            return size
+        unit = sparse.diags(np.where(self._turns(keep), 1.0, self.core.length) * moves)
+        entries = abs(unit @ matrix @ unit)
+        entries = entries.maximum(entries.T).tocsr()
+        # round-off is no entry
+        entries.data[entries.data <= SKEW * np.max(entries.data, initial=0.0)] = 0.0
+        own = size * unit.diagonal()
+        scaled = entries @ sparse.diags(np.where(own > 0.0, 1.0 / np.where(own > 0.0, own, 1.0), 0.0))
+        found, largest = (np.asarray(x.max(axis=1).todense()).reshape(-1) for x in (scaled, entries))
+        others = np.where(found > 0.0, found, np.sqrt(largest)) / np.where(self._turns(keep), 1.0, self.core.length)
+        return np.where(size > 0.0, size, others)
 
     def _turns(self, keep: Array) -> Array:
         """Return which of these unknowns are rotations, bool."""
@@ -350,19 +367,6 @@ class Linearisation:
         forces = np.abs(pencil.stiffness.diagonal()[:self.free.size])
         return 1e-13 * float(np.max(np.where(self._turns(self.free), forces / self.core.length, forces * self.core.length),
                                     initial=0.0))
-
-
-def _sizes_off_diagonal(matrix: Any, size: Array, multiplier: Array) -> Array:
-    """Return sizes of unknowns by the entries beside the diagonal, as of masses without stiffness that a force follows; 0 at
-    multipliers, bool [n]. size: of the diagonal entries [m], 0 where there are none."""
-    from scipy import sparse
-    entries = abs(matrix)
-    entries = entries.maximum(entries.T).tocsr()
-    scaled = (entries @ sparse.diags(np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0))).max(axis=1)
-    found, largest = (np.asarray(x.todense()).reshape(-1) for x in (scaled, entries.max(axis=1)))
-    out = np.zeros(multiplier.size)
-    out[~multiplier] = np.where(found > 0.0, found, np.sqrt(largest))
-    return out
 
 
 def _released(model: Model, moved: Array | None) -> Model:
