@@ -46,10 +46,13 @@ class Sources:
         self.generic_of: dict[Name, list[Name]] = defaultdict(list)
         self.imports: dict[str, dict[str, Name]] = {}
         self.arrays: dict[Name, set[int]] = defaultdict(set)
+        # arguments of the functions that factories return
+        self.made: dict[Name, list[str]] = {}
         for module, tree in self.trees.items():
             self.imports[module] = {a.asname or a.name: (x.module or a.name, a.name) for x in tree.body
                                     if isinstance(x, ast.ImportFrom) and x.module for a in x.names}
             self._take_functions(module, [x for x in tree.body if isinstance(x, ast.FunctionDef)])
+        for module, tree in self.trees.items():
             self._take_made(module, tree)
         for name, node in self.compiled.items():
             self.arrays[name] |= {i for i, x in enumerate(parameters(node)) if _is_indexed(node, x)}
@@ -64,6 +67,8 @@ class Sources:
                 self.compiled[name] = node
             if "generic" in decorators:
                 self.generic[name] = node
+            if node.name.lstrip("_").startswith("make_"):
+                self.made[name] = next((parameters(x)[1:] for x in node.body if isinstance(x, ast.FunctionDef)), [])
             if "intrinsic" in decorators:
                 self.arrays[name] = memory(parameters(node)[1:])
             for x in node.decorator_list:
@@ -71,17 +76,16 @@ class Sources:
                     self.generic_of[name] += self._named(module, x.func.value)
 
     def _take_made(self, module: str, tree: ast.Module) -> None:
-        """Names of what factories of functions return, as in `vld, vst = _make_load(1), _make_store(1)`."""
-        inner = {x.name: next((parameters(y)[1:] for y in x.body if isinstance(y, ast.FunctionDef)), []) for x in tree.body
-                 if isinstance(x, ast.FunctionDef) and x.name.startswith("_make")}
+        """Names of what factories of functions return, as in `vld, vst = make_load(1), make_store(1)`."""
         for node in tree.body:
             if isinstance(node, ast.Assign):
                 targets = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
                 values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value] * len(targets)
                 for target, value in zip(targets, values):
                     for call in ast.walk(value):
-                        if isinstance(call, ast.Call) and ast.unparse(call.func) in inner:
-                            self.arrays[module, ast.unparse(target)] = memory(inner[ast.unparse(call.func)])
+                        for maker in self._named(module, call.func) if isinstance(call, ast.Call) else ():
+                            if maker in self.made:
+                                self.arrays[module, ast.unparse(target)] = memory(self.made[maker])
 
     def _named(self, module: str, node: ast.expr) -> list[Name]:
         """What an expression like f, f.call or module.f names."""

@@ -77,18 +77,9 @@ _OF_ALL: list[RecordType] = []
 class SystemRecord(Record):
     """Record of the data that all terms share, for loops that are independent of the scene.
 
-    Parameters
-    ----------
-    of : System
-    only : set of int
-        Numbers of the questions that loops may ask: others are not answered.
-
-    Attributes
-    ----------
-    typed : Record
-        The same memory for code that is compiled for the scene.
-    views : dict
-        Types of the system for what reads only so much of it.
+    only: numbers of the questions that loops may ask: others are not answered.
+    typed: the same memory for code that is compiled for the scene.
+    views: types of the system for what reads only so much of it.
     """
 
     __slots__ = "typed", "views", "_words"
@@ -140,14 +131,8 @@ class Typed:
 
 
 class Calls:
-    """Terms of a model for loops that are independent of the scene.
-
-    Parameters
-    ----------
-    terms : tuple
-    only : set of int
-        Numbers of the questions that loops may ask these terms: others find none.
-    """
+    """Terms of a model for loops that are independent of the scene; only: numbers of the questions that loops may ask these
+    terms: others find none."""
 
     def __init__(self, terms: tuple[Any, ...], only: frozenset[int] = EVERYTHING) -> None:
         self.terms, self._only = terms, only

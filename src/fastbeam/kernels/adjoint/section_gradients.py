@@ -15,14 +15,8 @@ import numpy as np
 from fastbeam.kernels.algebra.blocks import FOUR, TWELVE
 from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.algebra.lanes import gather_lanes
+from fastbeam.kernels.algebra.native import vld, vld2, vld3, vst, vzero, vzero2, vzero3
 from fastbeam.kernels.algebra.vectors import WIDTH, address, component0, component1, component2, dot, triple
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pld2 as vld2
-from fastbeam.kernels.algebra.vectors import pld3 as vld3
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pzero as vzero
-from fastbeam.kernels.algebra.vectors import pzero2 as vzero2
-from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
 from fastbeam.kernels.beams.element_loop import ElementTables, gather_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.beams.planar import Shape, planar_shapes

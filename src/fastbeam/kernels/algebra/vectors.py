@@ -292,7 +292,7 @@ def triple(tc, x, y, z):
 
 
 # ---------------------------------------------------------------------------------------------------- memory
-def _make_load(lane, n):
+def make_load(lane, n):
     result = lane if n == 1 else {2: V2, 3: V3, 9: M3}[n][lane]
 
     @intrinsic
@@ -308,7 +308,7 @@ def _make_load(lane, n):
     return load
 
 
-def _make_store(lane, n, accumulate):
+def make_store(lane, n, accumulate):
     @intrinsic
     def store(tc, array, offset, stride, value):
         def codegen(ctx, b, sig, args):
@@ -325,7 +325,7 @@ def _make_store(lane, n, accumulate):
     return store
 
 
-def _make_store_matrix(lane, accumulate):
+def make_store_matrix(lane, accumulate):
     @intrinsic
     def store(tc, array, offset, row_stride, column_stride, value):
         def codegen(ctx, b, sig, args):
@@ -346,7 +346,7 @@ def _make_store_matrix(lane, accumulate):
     return store
 
 
-def _make_zero(lane, n):
+def make_zero(lane, n):
     result = lane if n == 1 else {2: V2, 3: V3, 9: M3}[n][lane]
 
     @intrinsic
@@ -359,23 +359,17 @@ def _make_zero(lane, n):
 
 
 # 8 lanes: (array, offset, stride[, value]); stride between the components, in doubles
-vld, vld3, vldm = _make_load(vec, 1), _make_load(vec, 3), _make_load(vec, 9)
-vst, vst3, vstm = _make_store(vec, 1, False), _make_store(vec, 3, False), _make_store(vec, 9, False)
-vadd3 = _make_store(vec, 3, True)
-vst_matrix, vadd_matrix = _make_store_matrix(vec, False), _make_store_matrix(vec, True)
-vzero, vzero3, vzerom = _make_zero(vec, 1), _make_zero(vec, 3), _make_zero(vec, 9)
-vld2, vst2, vadd2, vzero2 = _make_load(vec, 2), _make_store(vec, 2, False), _make_store(vec, 2, True), _make_zero(vec, 2)
-# WIDTH of the 8 lanes of a group
-pld, pld2, pld3, pldm = _make_load(native, 1), _make_load(native, 2), _make_load(native, 3), _make_load(native, 9)
-pst, pst2, pst3, pstm = (_make_store(native, n, False) for n in (1, 2, 3, 9))
-padd2, padd3 = _make_store(native, 2, True), _make_store(native, 3, True)
-pst_matrix, padd_matrix = _make_store_matrix(native, False), _make_store_matrix(native, True)
-pzero, pzero2, pzero3, pzerom = (_make_zero(native, n) for n in (1, 2, 3, 9))
+vld, vld3, vldm = make_load(vec, 1), make_load(vec, 3), make_load(vec, 9)
+vst, vst3, vstm = make_store(vec, 1, False), make_store(vec, 3, False), make_store(vec, 9, False)
+vadd3 = make_store(vec, 3, True)
+vst_matrix, vadd_matrix = make_store_matrix(vec, False), make_store_matrix(vec, True)
+vzero, vzero3, vzerom = make_zero(vec, 1), make_zero(vec, 3), make_zero(vec, 9)
+vld2, vst2, vadd2, vzero2 = make_load(vec, 2), make_store(vec, 2, False), make_store(vec, 2, True), make_zero(vec, 2)
 # one lane
-ld2, st2, add2, zero2 = _make_load(f8, 2), _make_store(f8, 2, False), _make_store(f8, 2, True), _make_zero(f8, 2)
-ld3, st3, add3 = _make_load(f8, 3), _make_store(f8, 3, False), _make_store(f8, 3, True)
-add_matrix = _make_store_matrix(f8, True)
-zero3, zerom = _make_zero(f8, 3), _make_zero(f8, 9)
+ld2, st2, add2, zero2 = make_load(f8, 2), make_store(f8, 2, False), make_store(f8, 2, True), make_zero(f8, 2)
+ld3, st3, add3 = make_load(f8, 3), make_store(f8, 3, False), make_store(f8, 3, True)
+add_matrix = make_store_matrix(f8, True)
+zero3, zerom = make_zero(f8, 3), make_zero(f8, 9)
 
 
 @intrinsic

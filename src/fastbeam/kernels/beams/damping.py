@@ -10,10 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space
+from fastbeam.kernels.algebra.native import vld, vst, vzero
 from fastbeam.kernels.algebra.vectors import WIDTH, address, dot
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pzero as vzero
 from fastbeam.kernels.beams.element_loop import ElementTables, gather_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.beams.planar import Shape, planar_shapes

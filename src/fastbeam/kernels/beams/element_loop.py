@@ -34,16 +34,8 @@ from fastbeam.kernels.algebra.dimensions import (
     zero_moment,
 )
 from fastbeam.kernels.algebra.lanes import scatter_rows
+from fastbeam.kernels.algebra.native import vadd3, vadd_matrix, vld, vld3, vldm, vst, vst_matrix, vzero3, vzerom
 from fastbeam.kernels.algebra.vectors import WIDTH, add_iso, add_skew, address, cross, outer
-from fastbeam.kernels.algebra.vectors import padd3 as vadd3
-from fastbeam.kernels.algebra.vectors import padd_matrix as vadd_matrix
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pld3 as vld3
-from fastbeam.kernels.algebra.vectors import pldm as vldm
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pst_matrix as vst_matrix
-from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
-from fastbeam.kernels.algebra.vectors import pzerom as vzerom
 from fastbeam.kernels.beams import (  # noqa: F401  the strain sets
     gather,  # noqa: F401  of all motions
     green_lagrange,

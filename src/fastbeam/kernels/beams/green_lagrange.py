@@ -7,16 +7,8 @@ directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
+from fastbeam.kernels.algebra.native import vadd3, vld, vld3, vst, vst3, vstm, vzero, vzero3, vzerom
 from fastbeam.kernels.algebra.vectors import add_iso, cross, dot, outer
-from fastbeam.kernels.algebra.vectors import padd3 as vadd3
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pld3 as vld3
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pst3 as vst3
-from fastbeam.kernels.algebra.vectors import pstm as vstm
-from fastbeam.kernels.algebra.vectors import pzero as vzero
-from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
-from fastbeam.kernels.algebra.vectors import pzerom as vzerom
 from fastbeam.kernels.beams.section_laws import modulus, put_half_change
 from fastbeam.kernels.beams.strain_measures import (
     GreenLagrange,

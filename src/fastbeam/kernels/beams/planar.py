@@ -18,15 +18,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fastbeam.kernels.algebra.dimensions import Plane
+from fastbeam.kernels.algebra.native import vadd2, vld, vld2, vld3, vst, vst2, vzero, vzero2
 from fastbeam.kernels.algebra.vectors import component0, component1, component2, cross2, dot, perp, square_root, triple
-from fastbeam.kernels.algebra.vectors import padd2 as vadd2
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pld2 as vld2
-from fastbeam.kernels.algebra.vectors import pld3 as vld3
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pst2 as vst2
-from fastbeam.kernels.algebra.vectors import pzero as vzero
-from fastbeam.kernels.algebra.vectors import pzero2 as vzero2
 from fastbeam.kernels.beams.element_loop import add_node_inertia, evaluate_point, put_pairs
 from fastbeam.kernels.beams.motions import share_of_end
 from fastbeam.kernels.beams.section_laws import Law, apply_law, matrix_at, planar_modulus, planar_stress

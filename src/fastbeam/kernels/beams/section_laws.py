@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from fastbeam.kernels.algebra.native import vld, vst
 from fastbeam.kernels.algebra.vectors import component0, component1, component2, triple
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pst as vst
 from fastbeam.kernels.beams.motions import OverStep
 from fastbeam.kernels.jit.decorators import inlined
 from fastbeam.kernels.jit.generic import generic

@@ -11,12 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space
+from fastbeam.kernels.algebra.native import vld, vld3, vst, vst3, vzero
 from fastbeam.kernels.algebra.vectors import WIDTH, address, dot
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pld3 as vld3
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pst3 as vst3
-from fastbeam.kernels.algebra.vectors import pzero as vzero
 from fastbeam.kernels.beams.element_loop import ElementTables, gather_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.beams.planar import Shape, planar_shapes

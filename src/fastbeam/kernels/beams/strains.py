@@ -8,12 +8,7 @@ lanes: layout.py has their places.
 """
 from __future__ import annotations
 
-from fastbeam.kernels.algebra.vectors import pld as vld
-from fastbeam.kernels.algebra.vectors import pld3 as vld3
-from fastbeam.kernels.algebra.vectors import pst as vst
-from fastbeam.kernels.algebra.vectors import pst3 as vst3
-from fastbeam.kernels.algebra.vectors import pzero as vzero
-from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
+from fastbeam.kernels.algebra.native import vld, vld3, vst, vst3, vzero, vzero3
 from fastbeam.kernels.beams.motions import columns, increment_of_tangent, put_forms, share_of_end
 from fastbeam.kernels.beams.section_laws import stress_of
 from fastbeam.kernels.beams.strain_measures import (

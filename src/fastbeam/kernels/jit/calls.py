@@ -72,17 +72,9 @@ def contents(typingctx, record):  # type: ignore[no-untyped-def]
 class Question:
     """Generic function as tables have it.
 
-    Parameters
-    ----------
-    of : GenericFunction
-    names : list of str
-        Its arguments.
-    given : dict
-        Types of the arguments that entries take besides term and system.
-    returns : numba type
-    contact : bool
-        Whether every entry may read `System.contact`.
-    entry : kernel
+    names: its arguments.
+    given: types of the arguments that entries take besides term and system.
+    contact: whether every entry may read `System.contact`.
     """
 
     all: list[Question] = []

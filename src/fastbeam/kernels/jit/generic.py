@@ -95,14 +95,7 @@ class GenericFunction:
 
     def entry(self, *, returns: Any = types.void, contact: bool = False, **given: Any) -> Callable[[Any], Any]:
         """Register the entry for tables (`calls.py`), as a decorator: a kernel (term, system, further arguments of these numba
-        types).
-
-        Parameters
-        ----------
-        returns : numba type
-        contact : bool
-            Whether every implementation may read `System.contact`.
-        """
+        types); contact: whether every implementation may read `System.contact`."""
         def note(function: Any) -> Any:
             names = list(inspect.signature(self._stub).parameters)
             self.question = Question(self, names, given, returns, contact, function)
@@ -128,13 +121,7 @@ class GenericFunction:
         return self.of_classes(*of) is not None
 
     def implementation(self, *arguments: Any) -> Any:
-        """Return the implementation for these values.
-
-        Raises
-        ------
-        TypeError
-            There is none.
-        """
+        """Return the implementation for these values. Raises TypeError: there is none."""
         some = tuple(type(x) for x in arguments[:self._depth])
         function = self.of_classes(*some)
         if function is None:

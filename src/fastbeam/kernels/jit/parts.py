@@ -51,11 +51,7 @@ PASS_BUILDERS = version_info.short >= (0, 62)
 
 class _CodeLibrary(JITCodeLibrary):  # type: ignore[misc]
     """Library of a kernel that becomes machine code: all linked code is optimised together, once. Kernels keep no reference
-    counts, so the passes that pair these are left out.
-
-    calls : list
-        Kernels with machine code of their own that it calls.
-    """
+    counts, so the passes that pair these are left out; calls: kernels with machine code of their own that it calls."""
 
     calls: list[Any] = []
 
@@ -314,18 +310,12 @@ class PartCache(FunctionCache):  # type: ignore[misc]
 class Part:
     """Kernel as other kernels call it.
 
-    Parameters
-    ----------
-    dispatcher : numba dispatcher
-        The kernel; from now on calls from kernels go through this object.
-    one_variant : bool
-        Whether numbers in the source of a caller are like any others. Else they are types of their own.
-    separate : bool
-        Whether it has machine code of its own (`_separate`). With types of other packages it has not: their code may change.
-    is_entry : bool
-        Whether tables call it (`calls`): it has machine code of its own whatever its types.
-    cache : KernelCache
-        A cache of kind `PartCache`.
+    dispatcher: the kernel; from now on calls from kernels go through this object.
+    one_variant: whether numbers in the source of a caller are like any others. Else they are types of their own.
+    separate: whether it has machine code of its own (`_separate`). With types of other packages it has not: their code may
+        change.
+    is_entry: whether tables call it (`calls`): it has machine code of its own whatever its types.
+    cache: a cache of kind `PartCache`.
     """
 
     def __init__(self, dispatcher: Any, one_variant: bool, separate: bool, is_entry: bool, cache: Any) -> None:

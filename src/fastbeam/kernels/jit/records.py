@@ -125,13 +125,7 @@ def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: s
 # --- from Python --------------------------------------------------------------------------------------------------------
 class Record:
     """Named tuple or tuple of terms as compiled code keeps it. Its arrays may change, itself must not; they live as long as this
-    object.
-
-    Parameters
-    ----------
-    of : tuple
-        Arrays, numbers, None, and tuples of these.
-    """
+    object; of: arrays, numbers, None, and tuples of these."""
 
     __slots__ = "of", "address", "_numba_type_", "_memory"
 

@@ -151,14 +151,9 @@ class KernelCache:
     """Cache of a kernel, made on first use: most kernels are never used, and making it looks for folders on the disk. With a
     damaged file, a full disk, or other processes at work it counts as empty.
 
-    Parameters
-    ----------
-    function : function
-        The function that is compiled.
-    kind : type
-        Numba's kind of cache.
-    folder : str
-        The folder of all kernels.
+    function: the function that is compiled.
+    kind: numba's kind of cache.
+    folder: the folder of all kernels.
     """
 
     def __init__(self, function: Any, kind: Any, folder: str) -> None:
@@ -176,13 +171,7 @@ class KernelCache:
         self._enabled = False
 
     def make(self) -> Any:
-        """Return numba's cache.
-
-        Raises
-        ------
-        RuntimeError
-            No file contains the function.
-        """
+        """Return numba's cache. Raises RuntimeError: no file contains the function."""
         if self._made is None:
             before, config.CACHE_DIR = config.CACHE_DIR, self._folder
             try:

@@ -33,13 +33,8 @@ def is_term(thing: Any) -> bool:
 
 
 def note(name: str, classes: tuple[Any, ...], function: Any) -> None:
-    """Record an implementation of the generic function `name` that comes from outside.
-
-    Raises
-    ------
-    TypeError
-        It is not compiled, or it is registered for classes of this package alone, whose kernels would not notice.
-    """
+    """Record an implementation of the generic function `name` that comes from outside. Raises TypeError: it is not compiled, or
+    it is registered for classes of this package alone, whose kernels would not notice."""
     source = getattr(function, "py_func", None)
     if source is None:
         if is_outside(function):
