@@ -22,6 +22,8 @@ CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 SHORTEST = 1e-3
 # residual along vectors that vanish, as a multiple of that of the samples, beyond which two paths pass each other
 LEFT = 30.0
+# share of the load factor to which bisection locates a critical point
+LOCATED = 1e-9
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
 ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
@@ -225,10 +227,31 @@ class PathStep:
             solver.restore(self.before)
             x = self.zero(test, test(), last, size, k)
             if x is None:
+                x = self._bisected(k, counted > unstable, size, end)
+            if x is None:
                 self.is_lost = True
             else:
                 out.append((x, k, solver.saved()))
         return out
+
+    def _bisected(self, number: int, grows: bool, size: float, end: tuple[Any, ...]) -> float | None:
+        """Find by bisection where eigenvalue `number` changes its sign, from numbers of negative eigenvalues: those of slender parts
+        keep their sign where round-off hides how large they are. Put the solver there; None, with the solver at `end`, where the
+        number is not found on the way. grows: whether the number of negative eigenvalues grows; end: state at part `size`."""
+        solver, low, high = self.solver, 0.0, size
+        at, factor = self.before, end[3]
+        while abs(factor - at[3]) > LOCATED * abs(factor):
+            middle = 0.5 * (low + high)
+            count = self._count(middle) if low < middle < high else None
+            if count is None:
+                solver.restore(end)
+                return None
+            if (count > number) == grows:
+                high, factor = middle, solver.factor
+            else:
+                low, at = middle, solver.saved()
+        solver.restore(at)
+        return low
 
     def _crossings(self, begin: float, first: int, end: float, last: int) -> list[Found]:
         """Find vanishing eigenvalues of tangents without symmetry, between two parts of the step with these numbers of negative
