@@ -570,6 +570,14 @@ def _critical(h: Host) -> Found:
     return Found(numbers, tuple(kinds))
 
 
+def _buckling(h: Host) -> Found:
+    model = fb.compile_scene(h.scene, planar=False)
+    found = fb.critical_loads(model, state=_static(h).state, load_factor=1.0, n=2, **_at(h))
+    # those far beyond what a scene can bear are of stiff strains
+    change = np.minimum(found.change, 1e3)
+    return Found({"change": (change, _size(change))}, (f"{len(found)}", *sorted(event["kind"] for event in found.events)))
+
+
 def _adjoint_run(h: Host) -> Found:
     u = h.u
     run = fb.adjoint_run(fb.compile_scene(h.scene, planar=False), points=h.points, t_end=8 * H * u.s, step=H * u.s)
@@ -583,7 +591,7 @@ ANALYSES: dict[str, Callable[[Host], Found]] = {
     "simulate with order 4": lambda h: _simulate(h, order=4), "solve_static": _solve_static, "solve_path": _solve_path,
     "relax": _relax, "modes": _modes, "damped modes": lambda h: _modes(h, damped=True),
     "frequency_response": _frequency_response, "sensitivity": _sensitivity, "critical load": _critical,
-    "adjoint_run": _adjoint_run}
+    "adjoint_run": _adjoint_run, "linear buckling": _buckling}
 # those that go on where a law fails, if they do so without a word
 ASK_LAWS = ("simulate", "simulate with rho_inf", "solve_static", "solve_path", "relax")
 LAWS = ("user force", "line force", "force element")

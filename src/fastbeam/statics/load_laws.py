@@ -45,7 +45,7 @@ def laws_grow(model: Model) -> bool:
     return any(force.grows for force in user_forces(model)) or model.blows
 
 
-def law_path(model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
+def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
     """Return the path of loads that turn and of forces by laws; grow: whether loads at one time grow from zero, or stay. Raises
     SceneError: between two times a law is no load that turns, or its function of time has no value to compare with."""
     forces = user_forces(model)
@@ -53,7 +53,7 @@ def law_path(model: Model, at_time: float | tuple[float, float] | None, grow: bo
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
         return LawPath(0.0, 1.0, 0.0)
-    require(Analysis.TWO_TIMES, model, "solve_path")
+    require(Analysis.TWO_TIMES, model, who)
 
     def values(t: float) -> Array:
         return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])

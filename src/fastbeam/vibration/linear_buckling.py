@@ -245,9 +245,9 @@ def _tangent(solver: PathSolver, backend: str) -> _Tangent:
     if held.solve(np.random.default_rng(0).standard_normal(multiplier.size)) is None or held.left.shape[1]:
         raise singular
     core = solver.core
-    moves = np.abs(rates[:solver.nodes].reshape(-1, len(core.dofs))).max(axis=0)
-    moves[:core.dim] /= core.length
-    reach = float(max(np.max(moves), np.max(np.abs(rates[solver.places]), initial=0.0) / core.length))
+    moves = rates[:solver.nodes].reshape(-1, len(core.dofs))
+    shift, spin = (np.max(np.linalg.norm(x, axis=1), initial=0.0) for x in (moves[:, :core.dim], moves[:, core.dim:]))
+    reach = float(max(shift / core.length, spin, np.max(np.abs(rates[solver.places]), initial=0.0) / core.length))
     # of supports that move, too
     of_rows, q = solver.map, solver.state.q.reshape(-1, 4, 3)
     motion = (of_rows.ties @ (velocity_map(q) @ (of_rows.every @ rates[:solver.nodes]))).reshape(-1, 4, 3)
@@ -402,7 +402,9 @@ def _of_laws(solver: PathSolver, rates: Array, step: float) -> Any:
 
     coarse, fine = ((tangent(x) - tangent(-x)) / (2.0 * x) for x in (step, 0.5 * step))
     solver.restore(before)
-    return (4.0 * fine - coarse) / 3.0
+    # rows of fixed unknowns are in no unit
+    free = sparse.diags(solver.map.free)
+    return free @ ((4.0 * fine - coarse) / 3.0) @ free
 
 
 def _lowest(tangent: _Tangent, n: int, negative: bool, good: float = GOOD) -> _Found:
