@@ -94,8 +94,8 @@ def test_a_slender_column_of_many_elements_below_and_above_its_buckling_load() -
 
 
 def slender_arch(half: float, load: float, EA: float, elements: int) -> fb.Scene:
-    """Build an arch clamped at one end and hinged at the other, with a load on its crown: 8.97 EI/R^2 at 215 degrees is critical
-    (D. A. DaDeppo, R. Schmidt, J. Appl. Mech. 42, 1975), 7.58 at 220 and 5.72 at 230 degrees as of arches that are less slender."""
+    """Build an arch clamped at one end and hinged at the other, with a load on its crown. Limit loads: 8.97 EI/R^2 at 215 degrees
+    (D. A. DaDeppo, R. Schmidt, J. Appl. Mech. 42, 1975), 7.58 at 220 and 5.72 at 230 degrees as of arches less slender."""
     a = np.radians(half)
     sin, cos = np.sin(a), np.cos(a)
     arch = fb.Beam.arc("arch", (-sin, cos, 0), (cos, sin, 0), (sin, -cos, 0), radius=1.0, angle=2.0 * a, section=section(EA),
@@ -105,7 +105,7 @@ def slender_arch(half: float, load: float, EA: float, elements: int) -> fb.Scene
 
 
 def test_bifurcations_of_slender_arches_are_located_where_round_off_hides_eigenvalues() -> None:
-    """Out of its plane an arch buckles at a tenth of its limit load, with an eigenvalue of 1e-14 of the stiffness of an element."""
+    """Out of its plane an arch buckles at a tenth of its limit load; its eigenvalue is round-off of the stiffness of an element."""
     path = fb.solve_path(fb.compile_scene(slender_arch(110.0, 7.58, 5e9, 24)), to=1.8, stop_at="limit")
     assert [point["kind"] for point in path.info["critical_points"]] == ["bifurcation", "bifurcation", "limit"]
     # that of an arch that is less slender, EA = 1e6; round-off of axial forces moves it by 1.2e-4

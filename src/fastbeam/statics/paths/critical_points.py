@@ -235,9 +235,9 @@ class PathStep:
         return out
 
     def _bisected(self, number: int, grows: bool, size: float, end: tuple[Any, ...]) -> float | None:
-        """Find by bisection where eigenvalue `number` changes its sign, from numbers of negative eigenvalues: those of slender parts
-        keep their sign where round-off hides how large they are. Put the solver there; None, with the solver at `end`, where the
-        number is not found on the way. grows: whether the number of negative eigenvalues grows; end: state at part `size`."""
+        """Find by bisection where eigenvalue `number` changes its sign, from numbers of negative eigenvalues: factors tell them
+        where round-off hides the eigenvalue itself. Put the solver there; None, with the solver at `end`, where a number is not
+        found on the way. grows: whether the number of negative eigenvalues grows; end: state at part `size`."""
         solver, low, high = self.solver, 0.0, size
         at, factor = self.before, end[3]
         while abs(factor - at[3]) > LOCATED * abs(factor):
