@@ -105,7 +105,7 @@ def slender_arch(half: float, load: float, EA: float, elements: int) -> fb.Scene
 
 
 def test_bifurcations_of_slender_arches_are_located_where_round_off_hides_eigenvalues() -> None:
-    """Out of its plane an arch buckles at a tenth of its limit load; its eigenvalue is round-off of the stiffness of an element."""
+    """Out of its plane an arch buckles at a tenth of its limit load; round-off hides the eigenvalue."""
     path = fb.solve_path(fb.compile_scene(slender_arch(110.0, 7.58, 5e9, 24)), to=1.8, stop_at="limit")
     assert [point["kind"] for point in path.info["critical_points"]] == ["bifurcation", "bifurcation", "limit"]
     # that of an arch that is less slender, EA = 1e6; round-off of axial forces moves it by 1.2e-4
