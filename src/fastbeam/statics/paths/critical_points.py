@@ -21,6 +21,9 @@ CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 SHORTEST = 1e-3
 # residual along vectors that vanish, as a multiple of that of the samples, beyond which two paths pass each other
 LEFT = 30.0
+# share of the step to which bisection locates a critical point; change of the coordinates there, as a share of that in the step,
+# beyond which the solver has passed to another path
+LOCATED, PASSED = 1e-8, 1e-4
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
 ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
@@ -238,10 +241,31 @@ class PathStep:
             solver.restore(self.before)
             x = self.zero(test, test(), last, size, k)
             if x is None:
+                x = self._bisected(k, counted > unstable, size, end)
+            if x is None:
                 self.is_lost = True
             else:
                 out.append((x, k, solver.saved()))
         return out
+
+    def _bisected(self, number: int, grows: bool, size: float, end: tuple[Any, ...]) -> float | None:
+        """Find by bisection where eigenvalue `number` changes its sign, from numbers of negative eigenvalues: factors tell them
+        where round-off hides the eigenvalue itself. Put the solver there; None, with the solver at `end`, where a number is not
+        found on the way. grows: whether the number of negative eigenvalues grows; end: state at part `size`."""
+        solver, low, high, below, above = self.solver, 0.0, size, self.before, end
+        while high - low > LOCATED * self.size:
+            middle = 0.5 * (low + high)
+            count = self._count(middle)
+            if count is None:
+                solver.restore(end)
+                return None
+            if (count > number) == grows:
+                high, above = middle, solver.saved()
+            else:
+                low, below = middle, solver.saved()
+        is_one = np.max(np.abs(above[0] - below[0])) <= PASSED * np.max(np.abs(end[0] - self.before[0]))
+        solver.restore(below if is_one else end)
+        return low if is_one else None
 
     def _crossings(self, begin: float, first: int, end: float, last: int) -> list[Found]:
         """Find vanishing eigenvalues of tangents without symmetry, between two parts of the step with these numbers of negative
