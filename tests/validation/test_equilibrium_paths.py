@@ -397,18 +397,23 @@ def test_points_where_newtons_matrix_is_singular_are_located(monkeypatch: pytest
 
 
 def test_what_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the end of a path that looks for it by an error, behind steps that became shorter, else by an event."""
+    """At the end of a path that looks for it by an error, behind steps that became shorter, else by an event. Where eigenvalues
+    do not tell where they vanish, numbers of unstable directions do."""
     monkeypatch.setattr(critical_points.PathStep, "zero", lambda self, *_, **__: self.solver.restore(self.end))
     column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=4)
     scene = fb.Scene(column, fb.Clamp(column.start), fb.Load("press", column.end, force=(0, 0, -5.0)))
     model = fb.compile_scene(scene, planar=True)
+    points = fb.solve_path(model).info["critical_points"]
+    assert [x["kind"] for x in points] == ["bifurcation"]
+    monkeypatch.setattr(critical_points.PathStep, "_bisected", lambda self, *_, **__: self.solver.restore(self.end))
     path = fb.solve_path(model)
     event = next(x for x in path.events if x["kind"] == "unresolved")
     assert "the number of unstable directions changes from 0 to 1, but the critical point was not located" in event["text"]
     assert path.info["critical_points"] == [] and 1e-5 < np.min(path.series["step_size"][1:]) < 3e-4
     with pytest.raises(fb.ConvergenceError, match="not located, where the path may have to end .stop_at='limit'") as caught:
         fb.solve_path(model, stop_at="limit")
-    assert caught.value.result.series["load_factor"][-1] == pytest.approx(np.pi**2 / 20.0, rel=1e-5)
+    last = caught.value.result.series["load_factor"][-1]
+    assert last == pytest.approx(np.pi**2 / 20.0, rel=1e-5) and last == pytest.approx(points[0]["load_factor"], rel=1e-6)
 
 
 @pytest.mark.parametrize("lateral", [0.3, 0.003])

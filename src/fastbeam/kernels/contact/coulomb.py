@@ -252,9 +252,9 @@ def begin_soft(coulomb, i, again):
 
 
 @kernel
-def factor(soft, i):
+def factor(coulomb, i):
     """Return the factor from this c to the next smaller one."""
-    return SHARPER if soft[i, FAILED] == 0 else 1.0 / SOFTER
+    return SHARPER if coulomb.soft[i, FAILED] == 0 else 1.0 / SOFTER
 
 
 @kernel
@@ -269,7 +269,7 @@ def soften_or_sharpen(coulomb, i):
         coulomb.compliance[i] *= SOFTER
         soft[i, TRIED] = 0
     elif soft[i, LEVEL] > 1 and soft[i, FAILED] < MOST_FAILED:
-        coulomb.compliance[i] /= factor(soft, i)
+        coulomb.compliance[i] /= factor(coulomb, i)
         soft[i, LEVEL] -= 1
         soft[i, TRIED] = 0
         soft[i, FAILED] += 1
@@ -297,7 +297,7 @@ def is_sharp(coulomb, i):
     if soft[i, FAILED] == MOST_FAILED or soft[i, LEVEL] == LEVELS:
         return True
     soft[i, LEVEL] += 1
-    coulomb.compliance[i] *= factor(soft, i)
+    coulomb.compliance[i] *= factor(coulomb, i)
     return False
 
 

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.scene.checks import nearest_triads
 from fastbeam.statics.arc_length import Direction, PathSolver, root
 
 Array = np.ndarray
@@ -22,8 +21,9 @@ CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 SHORTEST = 1e-3
 # residual along vectors that vanish, as a multiple of that of the samples, beyond which two paths pass each other
 LEFT = 30.0
-# share of the load factor to which bisection locates a critical point
-LOCATED = 1e-9
+# share of the step to which bisection locates a critical point; change of the coordinates there, as a share of that in the step,
+# beyond which the solver has passed to another path
+LOCATED, PASSED = 1e-8, 1e-4
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
 ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
@@ -45,8 +45,14 @@ Found = tuple[float, int, tuple[Any, ...]]
 class PathStep:
     """Step along a path, of which parts can be taken.
 
-    solver: solver at the end of the step. Eigenvalues are those of its judge.
-    before: state of the solver saved at the beginning of the step.
+    Parameters
+    ----------
+    solver : PathSolver
+        Solver at the end of the step. Eigenvalues are those of its judge.
+    before : tuple
+        State of the solver saved at the beginning of the step.
+    along : Direction
+    size : float
     """
 
     def __init__(self, solver: PathSolver, before: tuple[Any, ...], along: Direction, size: float) -> None:
@@ -124,7 +130,8 @@ class PathStep:
         q, s, force, factor = (sum(w * x for w, x in zip(weights, part)) for part in zip(*states))
         if self.solver.stepper.plane is None:
             triads = q.reshape(-1, 4, 3)[:, 1:]
-            triads[:] = nearest_triads(triads)
+            u, _, v = np.linalg.svd(triads)
+            triads[:] = u @ v
         else:
             u = q.reshape(-1, 4)[:, 2:]
             u /= np.linalg.norm(u, axis=1)[:, None]
@@ -134,8 +141,12 @@ class PathStep:
     def first(self, rates: tuple[float, float] | None, unstable: int | None, counted: int | None) -> CriticalPoint | None:
         """Find the first critical point, with the solver there; None, with the solver at the end, where there is none.
 
-        rates: (float, float), rates of the load factor at the beginning and the end, where they differ in sign.
-        unstable, counted: negative eigenvalues of the tangent at the beginning and the end.
+        Parameters
+        ----------
+        rates : (float, float), optional
+            Rates of the load factor at the beginning and the end, where they differ in sign.
+        unstable, counted : int, optional
+            Negative eigenvalues of the tangent at the beginning and the end.
         """
         known = unstable is not None and counted is not None
         found: list[Found] = []
@@ -166,7 +177,7 @@ class PathStep:
             self.solver.restore(limit[1])
             return CriticalPoint("limit", limit[0], min(unstable or 0, behind or 0), behind)
         if best is not None:
-            here = [x for x in found if abs(x[0] - best[0]) <= TOGETHER * self.size]
+            here = [x for x in found if self._is_at(x[0], best[0])]
             number = min(x[1] for x in here)
             way = 1 if number >= (unstable or 0) else -1
             self.solver.restore(best[2])
@@ -178,6 +189,9 @@ class PathStep:
         """Go so far."""
         self.solver.restore(self.before)
         return bool(self.solver.go(self.along, size))
+
+    def _is_at(self, a: float, b: float) -> bool:
+        return abs(a - b) <= TOGETHER * self.size
 
     def _turns(self, size: float, number: int, at: tuple[Any, ...]) -> bool:
         """Return whether the path is tangent to vectors of the eigenvalues that vanish at a saved state, at this part of the
@@ -238,20 +252,20 @@ class PathStep:
         """Find by bisection where eigenvalue `number` changes its sign, from numbers of negative eigenvalues: factors tell them
         where round-off hides the eigenvalue itself. Put the solver there; None, with the solver at `end`, where a number is not
         found on the way. grows: whether the number of negative eigenvalues grows; end: state at part `size`."""
-        solver, low, high = self.solver, 0.0, size
-        at, factor = self.before, end[3]
-        while abs(factor - at[3]) > LOCATED * abs(factor):
+        solver, low, high, below, above = self.solver, 0.0, size, self.before, end
+        while high - low > LOCATED * self.size:
             middle = 0.5 * (low + high)
-            count = self._count(middle) if low < middle < high else None
+            count = self._count(middle)
             if count is None:
                 solver.restore(end)
                 return None
             if (count > number) == grows:
-                high, factor = middle, solver.factor
+                high, above = middle, solver.saved()
             else:
-                low, at = middle, solver.saved()
-        solver.restore(at)
-        return low
+                low, below = middle, solver.saved()
+        is_one = np.max(np.abs(above[0] - below[0])) <= PASSED * np.max(np.abs(end[0] - self.before[0]))
+        solver.restore(below if is_one else end)
+        return low if is_one else None
 
     def _crossings(self, begin: float, first: int, end: float, last: int) -> list[Found]:
         """Find vanishing eigenvalues of tangents without symmetry, between two parts of the step with these numbers of negative
