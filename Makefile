@@ -5,8 +5,11 @@ OUT ?= out
 BIN := $(VENV)/bin
 # the order of files is that of tests/conftest.py; a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
-# the tests of a half in processes of their own: one that has compiled hundreds of kinds of scenes may crash in llvmlite
-FIRST_HALF := tests/validation/test_[a-m]*.py
+# the tests in groups, each in processes of its own: one that has compiled hundreds of kinds of scenes may crash in llvmlite
+GROUP_1 := $(addprefix tests/,compile dynamics gradients interface kernels linalg model)
+GROUP_2 := $(addprefix --ignore=,$(GROUP_1) tests/validation tests/house) tests
+GROUP_3 := $(wildcard tests/validation/test_[a-m]*.py)
+GROUP_4 := $(addprefix --ignore=,$(GROUP_3)) tests/validation tests/house
 # what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
 PLAIN_TESTS ?= tests/validation/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
@@ -33,13 +36,10 @@ demo: $(VENV)/.installed
 	$(BIN)/python -m fastbeam run ring_on_cable --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest $(PARALLEL) --ignore tests/validation --ignore tests/house tests
-	$(BIN)/python -m pytest $(PARALLEL) $(FIRST_HALF)
-	$(BIN)/python -m pytest $(PARALLEL) $(addprefix --ignore=,$(wildcard $(FIRST_HALF))) tests/validation tests/house
+	$(foreach k,1 2 3 4,$(BIN)/python -m pytest $(PARALLEL) $(GROUP_$(k)) &&) true
 
 test-slow: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest $(PARALLEL) -m slow $(FIRST_HALF)
-	$(BIN)/python -m pytest $(PARALLEL) -m slow $(addprefix --ignore=,$(wildcard $(FIRST_HALF))) tests
+	$(foreach k,1 2 3 4,$(BIN)/python -m pytest $(PARALLEL) -m slow $(GROUP_$(k)) &&) true
 
 test-plain: $(VENV)/.installed-dev
 	FASTBEAM_PLAIN_NUMBA=1 $(BIN)/python -m pytest -q $(PLAIN_TESTS)
