@@ -6,9 +6,9 @@ Products are D_i . E_j of directions of a and b, or r . D_i. Each belongs to one
     ANGLE    x = atan2(y, z)        an angle, counted over turns
     SWING    x = acos(z)            the angle between two axes
 
-A force G on x does the work G Dx where it acts as forces G g_y on y and G g_z on z with Dx = g_y Dy + g_z Dz (`Grip`); these act
-on the nodes at the mean shape as in conditions.py. Everything that acts on coordinates goes through `grip_of`, `push_parts`
-and `put_entries`, so that a new kind of coordinate is one more entry there.
+A force G on x does the work G Dx where it acts as forces G g_y on y and G g_z on z with Dx = g_y Dy + g_z Dz
+(`CoordinateGradient`); these act on the nodes at the mean shape as in conditions.py. Everything that acts on coordinates goes
+through `gradient_of`, `push_parts` and `put_entries`, so that a new kind of coordinate is one more entry there.
 
 Arrays: q, q0, q1, v [12 N], in a plane [4 N].
 """
