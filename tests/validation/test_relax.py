@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, fsolve, minimize_scalar
 
 import fastbeam as fb
 
@@ -257,3 +257,39 @@ def test_what_relax_does_not_know_along_beams() -> None:
     for options in ({"friction": 0.2}, {"stops": fb.Stops(start=0.2, end=3.0)}, {"drive": fb.Drive(speed=1.0)}):
         with pytest.raises(fb.SceneError, match="relax: slider 'hook' has Coulomb friction, a prescribed motion, rigid stops"):
             fb.relax(trolley(**options))
+
+
+def touching_down(h: float, v: float, length: float, weight: float, stiffness: float) -> tuple[float, float]:
+    """Distance and height of the fairlead of an elastic catenary that lies on a bed without friction, pulled there by (h, v)."""
+    turn = v / h
+    return (length - v / weight + h / weight * np.arcsinh(turn) + h * length / stiffness,
+            h / weight * (np.sqrt(1.0 + turn * turn) - 1.0) + v * v / (2.0 * stiffness * weight))
+
+
+def bed(t, position, directors, velocity, spin, parameters, force, moment):
+    depth = -200.0 - position[2]
+    if depth > 0.0:
+        force[2] = parameters[0] * depth
+
+
+@pytest.mark.parametrize(("elements", "error"), [(20, 5e-4), (40, 5e-5)])
+def test_a_mooring_line_drawn_with_a_corner(elements: int, error: float) -> None:
+    """Load steps fail at the first loads; statics relax the shape by themselves. The weight is that of a chain of 90 mm in water,
+    and the bed gives way by a few millimetres."""
+    length, across, weight, stiffness = 850.0, 800.0, 1048.0, 7.536e8
+    lying = brentq(lambda b: b + np.hypot(across - b, 200.0) - length, 1.0, across - 1.0)
+    corner, top = np.array([lying, 0.0, -200.0]), np.array([across, 0.0, 0.0])
+    chain = fb.Section(EA=stiffness, GA2=0.3 * stiffness, GA3=0.3 * stiffness, GJ=1e3, EI2=1e3, EI3=1e3, rhoA=113.35, rhoI2=0.1,
+                       rhoI3=0.1)
+    line = fb.Beam.from_curve("line", lambda q: corner * [q * length / lying, 0.0, 1.0] if q * length < lying else
+                              corner + (q * length - lying) / (length - lying) * (top - corner), section=chain,
+                              elements=elements, degree=3)
+    scene = fb.Scene(line, fb.Clamp(line.start), fb.Pin(line.end, "fairlead"),
+                     fb.DistributedLoad("weight", line, force=(0, 0, -weight)),
+                     fb.UserForce("seabed", line, bed, parameters=(2.7e5,)))
+    with pytest.warns(fb.ResultWarning, match="coarse"):
+        found = fb.solve_static(fb.compile_scene(scene), observe=("reaction",))
+    pull = found.reaction("fairlead")["force"][-1]
+    exact = fsolve(lambda x: np.subtract(touching_down(*x, length, weight, stiffness), (across, 200.0)), (6e5, 5e5))
+    assert pull[[0, 2]] == pytest.approx(exact, rel=error) and abs(pull[1]) < 1e-6 * exact[0]
+    assert found.info["steps"] == 1 and [x["kind"] for x in found.events].count("relaxed") == 1

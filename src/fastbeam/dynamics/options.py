@@ -15,6 +15,7 @@ from fastbeam.model.start import check_start
 from fastbeam.stepping.stepper import AUGMENTATION
 
 TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
+START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
 BEGIN = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
 

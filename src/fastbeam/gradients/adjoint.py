@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.dynamics.options import START
 from fastbeam.dynamics.control import failure
 from fastbeam.gradients.backward import Backward, Stretch, Sums, Weights
 from fastbeam.gradients.parameters import Build, which_build
@@ -29,7 +30,6 @@ from fastbeam.model.start import check_start
 from fastbeam.results.observe.observer import POINTS, Observer
 from fastbeam.results.observe.resolution import mesh_events
 from fastbeam.scene.checks import Place
-from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.stepper import Stepper
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fastbeam.dynamics.options import START
 from fastbeam.gradients.equilibria import family_of
 from fastbeam.gradients.parameters import CHANGES, SHARE, SIXTH, Build, Family, which_build
 from fastbeam.interface.arguments import Names, Number, Word, checked
@@ -17,7 +18,7 @@ from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.statics.linear_response import OutOfPlane, Response, at_shape
-from fastbeam.statics.static_analysis import START, which_sliders
+from fastbeam.statics.static_analysis import which_sliders
 
 Array = np.ndarray
 # a state whose tangent has no eigenvector this near to zero, or whose nodes would move by this much, is no critical point

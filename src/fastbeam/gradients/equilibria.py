@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.dynamics.options import START
 from fastbeam.gradients.frequencies import FrequencySlopes, Linearised, frequency_slopes
 from fastbeam.gradients.objective import Linear, Objective
 from fastbeam.gradients.parameters import CHANGES, Build, Family, numbers_of, which_build
@@ -30,7 +31,7 @@ from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.linear_response import OutOfPlane, Response, at_shape, place_events
 from fastbeam.statics.reactions import reactions_of
-from fastbeam.statics.static_analysis import START, held_sliders, solve_static, which_sliders
+from fastbeam.statics.static_analysis import held_sliders, solve_static, which_sliders
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -10,7 +10,7 @@ import numpy as np
 
 from fastbeam.dynamics.control import failure
 from fastbeam.dynamics.interrupt import Interrupts
-from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start
+from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start, START
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
 from fastbeam.interface.deprecation import regrouped
 from fastbeam.interface.errors import ConvergenceError, SceneError
@@ -33,7 +33,6 @@ from fastbeam.statics.load_steps import stability
 from fastbeam.statics.moving_supports import SupportPath
 from fastbeam.statics.rows import StaticRows
 from fastbeam.statics.sliding import SlidingSolver
-from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
 

@@ -2,16 +2,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start
+from fastbeam.dynamics.options import MENDED, START, Group, Start, shape_of_start
 from fastbeam.interface.arguments import (
     Anything,
     Count,
     Flag,
-    Instance,
     Listing,
     Name,
     Number,
@@ -33,6 +33,7 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.results.observe.observer import OBSERVED, POINTS
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
+from fastbeam.statics.dynamic_relaxation import relax
 from fastbeam.statics.load_steps import LoadSteps, StaticTask
 from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_steady_motion
 
@@ -41,6 +42,10 @@ Array = np.ndarray
 SMALLER = 0.2
 SHARE = Number(above=0.0, most=1.0)
 CONTACTS = ("mesh", "exact")
+# load factor and load step of a failure below which the scene counts as far from an equilibrium, and steps of its relaxation
+FAR, RELAXED_STEPS = 1e-3, 1000
+RELAXED = ("no equilibrium was found near the start, at load factor {:.3g}: the shape was relaxed under the full loads, as by "
+           "fb.relax, to one of the equilibria, and there are no load steps on the way")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -55,7 +60,6 @@ def which_sliders(value: Any) -> bool | tuple[str, ...]:
     return names
 
 
-START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
 
 
 @regrouped("0.2", MENDED)
@@ -81,7 +85,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         drives grow, with the load factor; smoothed and viscous friction are none at rest.
     load_step, largest_load_step, smallest_step : float
         First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1]. At most 200 load steps
-        are tried, or twice as many as `largest_load_step` and `levels` make necessary.
+        are tried, or twice as many as `largest_load_step` and `levels` make necessary. Where they fail at the first loads, since
+        the scene begins far from an equilibrium (a rope drawn with a corner), without `start`, `levels` and `held` the shape is
+        relaxed under the full loads as by `relax`, and an event "relaxed" says so.
     levels : sequence of float
         Increasing load factors in (0, 1] that steps end at, so that they have rows; other steps are rows as well.
     at_time : float
@@ -168,12 +174,33 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     state, notes = (None, []) if start is None else shape_of_start("solve_static", model, start)
     task = StaticTask(model, state, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
                       backend, threads, raise_loads, contacts, steady)
-    result = LoadSteps(task).find(load_step, largest_load_step)
+    try:
+        result = LoadSteps(task).find(load_step, largest_load_step)
+    except ConvergenceError as failed:
+        return _relaxed(task, failed)
     first = max(SMALLER * load_step, smallest_step)
     large = first < load_step and float(np.max(result.series["step_size"])) > SMALLER
     if result.info["unstable_directions"] and state is None and large:
         return _more_stable(task, result, first, max(first, min(largest_load_step, SMALLER)))
     return result
+
+
+def _relaxed(task: StaticTask, failed: ConvergenceError) -> Result:
+    """Return the equilibrium next to the relaxed shape, where load steps have failed because the scene begins far from any, as a
+    rope drawn with a corner. Raises ConvergenceError: this failure, where it has other reasons or relaxation does not help."""
+    asks = task.start is not None or len(task.stops) > 1 or np.any(task.stays) or task.asked or task.steady is not None
+    if max(failed.time, task.smallest_step) > FAR or asks or not task.raise_loads or task.contacts == "exact":
+        raise failed
+    try:
+        shape = relax(task.model, at_time=task.at_time, finish=False, most_steps=RELAXED_STEPS,
+                      max_iterations=task.max_iterations, backend=task.backend)
+        near = replace(task, start=shape.state, raise_loads=False, notes=[("relaxed", RELAXED.format(failed.time))])
+        found = LoadSteps(near).find(1.0, 1.0)
+    except (SceneError, ConvergenceError):
+        raise failed from None
+    assert failed.result is not None
+    found.info["wall_time"] += failed.result.info["wall_time"] + shape.info["wall_time"]
+    return found
 
 
 def _more_stable(task: StaticTask, found: Result, load_step: float, largest: float) -> Result:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.dynamics.options import START
 from fastbeam.compile.unpack import distributed
 from fastbeam.interface.arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, is_masked, real, shown, take
 from fastbeam.interface.errors import ConvergenceError, SceneError
@@ -21,7 +22,7 @@ from fastbeam.results.observe.points import place_of
 from fastbeam.results.responses import FrequencyResponse
 from fastbeam.scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from fastbeam.scene.checks import Place
-from fastbeam.statics.static_analysis import START, which_sliders
+from fastbeam.statics.static_analysis import which_sliders
 from fastbeam.vibration.linearised import Linearisation
 from fastbeam.vibration.natural_modes import LEAST, equilibrium_of, events_about, linearised_at
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fastbeam.dynamics.options import START
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import warns
@@ -37,7 +38,7 @@ from fastbeam.results.mode_shapes import Motions, check_number
 from fastbeam.scene import Beam
 from fastbeam.statics.arc_length import PathSolver
 from fastbeam.statics.paths.equilibrium_paths import Support, begin_path
-from fastbeam.statics.static_analysis import START, which_sliders
+from fastbeam.statics.static_analysis import which_sliders
 from fastbeam.statics.steady_motion import turning_stiffness
 from fastbeam.stepping.stepper import Stepper
 from fastbeam.vibration.linearised import Linearisation

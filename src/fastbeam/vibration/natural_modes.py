@@ -6,6 +6,7 @@ from typing import Any, Literal, overload
 
 import numpy as np
 
+from fastbeam.dynamics.options import START
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import warns
@@ -18,7 +19,7 @@ from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.results.mode_shapes import DampedModes, Modes, SteadyModes
 from fastbeam.results.observe.resolution import mesh_events
-from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
+from fastbeam.statics.static_analysis import held_sliders, which_sliders
 from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_steady_motion
 from fastbeam.vibration.damped_modes import MORE, Damped, damped_of
 from fastbeam.vibration.linearised import Linearisation
