@@ -27,6 +27,8 @@ NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
 # the same of forces and moments across the axes of spins, in which round-off of positions far from the origin stands; and share
 # of what may be round-off of residuals that those about axes have
 ACROSS, ABOUT = 1e-10, 1e-6
+# square of what is left of motions, relative to sums of the sizes of its terms, from which on it is certainly no round-off
+SURELY = 1e-10
 # largest component of a motion at supports that allow it
 FIXED_TOLERANCE = 1e-9
 # components of a combination of motions of size 1 that count as zero
@@ -148,10 +150,13 @@ class FreeMotions:
         unknowns = [spins.pivots]
         names = [f"{part.name} about {'their axes' if part.several else 'its axis'}"
                  for part in (self.parts[k] for k in spins.free)]
-        loose = sorted(self._loose(whole, q, spins), key=lambda near: near.number) if few else []
-        count = sum(near.rest.shape[1] for near in loose)
+        loose = sorted(self._loose(q, spins), key=lambda one: one.number) if few else []
+        count = sum(one.rigid.shape[1] for one in loose)
         together = len(loose) <= MOST_TOGETHER and count * whole.shape[0] <= MOST_NUMBERS
-        for group in ([loose] if together else [[near] for near in loose]):
+        if not together:
+            loose = [one for one, sure in zip(loose, self._resisted(whole, loose)) if not sure]
+        near = [_Near(self, whole, one) for one in loose]
+        for group in ([near] if together else [[one] for one in near]):
             if group:
                 held, how = self._of_group(whole, group)
                 unknowns.append(held)
@@ -177,13 +182,32 @@ class FreeMotions:
         spins.leave(spins.driven(residual, ABOUT * round_off()))
         return spins.pivots
 
-    def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
+    def _loose(self, q: Array, spins: _Spins) -> list[_Loose]:
         """Return parts that supports let move otherwise than by free spins."""
         out = []
         for alike in self._alike:
             rest = _without(alike.rigid(self, q), spins.of_parts(alike))
-            out += [_Near(self, whole, alike, j, rest[j][:, rest[j].any(axis=0)]) for j in np.flatnonzero(rest.any(axis=(1, 2)))]
+            out += [_Loose(int(alike.numbers[j]), alike.rows[j], alike.unknowns[j], rest[j][:, rest[j].any(axis=0)])
+                    for j in np.flatnonzero(rest.any(axis=(1, 2)))]
         return out
+
+    def _resisted(self, whole: Any, loose: list[_Loose]) -> Array:
+        """Return whether every motion of these parts, each moving alone, is resisted by far more than round-off, bool [parts]."""
+        part = np.repeat(np.arange(len(loose)), [one.rigid.size for one in loose])
+        rows = np.concatenate([np.repeat(one.unknowns, one.rigid.shape[1]) for one in loose])
+        columns = 6 * part + np.concatenate([np.tile(np.arange(one.rigid.shape[1]), one.unknowns.size) for one in loose])
+        motions = sparse.csr_matrix((np.concatenate([one.rigid.reshape(-1) for one in loose]), (rows, columns)),
+                                    shape=(whole.shape[0], 6 * len(loose)))
+        root, most = np.sqrt(np.abs(whole.diagonal())), np.abs(motions).sum(axis=1).A1
+        there = sparse.csr_matrix((np.ones(whole.nnz), whole.indices, whole.indptr), shape=whole.shape)
+        total = abs(whole) @ most + root * (there @ (root * most))
+        left = sparse.diags(1.0 / np.where(total > 0.0, total, 1.0)) @ whole @ motions
+        products = (left.T @ left).tobsr((6, 6))
+        of = np.repeat(np.arange(len(loose)), np.diff(products.indptr))
+        forms = np.zeros((len(loose), 6, 6))
+        forms[of[products.indices == of]] = products.data[products.indices == of]
+        absent = np.arange(6) >= np.array([one.rigid.shape[1] for one in loose])[:, None]
+        return np.asarray(np.linalg.eigvalsh(forms + absent[:, None] * np.eye(6))[:, 0] > SURELY)
 
     def motions(self, n: int) -> Array:
         """Return the motions found last, among n unknowns, by columns [n, m]."""
@@ -345,21 +369,29 @@ class _Spins:
             out += bad
 
 
+class _Loose(NamedTuple):
+    """Part that supports let move as a rigid body."""
+
+    number: int
+    rows: Array       # int [k]: rows of its nodes
+    unknowns: Array   # int [n]
+    rigid: Array      # float64 [n, m]: its motions in these
+
+
 class _Near:
     """Rigid motions of a part in the unknowns of the rows of the tangent that these reach."""
 
-    def __init__(self, of: FreeMotions, whole: Any, alike: _Alike, j: int, rigid: Array) -> None:
-        own, (count, size, dim) = alike.unknowns[j], of.nodes
-        self.number = int(alike.numbers[j])
-        self.part = of.parts[self.number]
+    def __init__(self, of: FreeMotions, whole: Any, loose: _Loose) -> None:
+        own, (count, size, dim) = loose.unknowns, of.nodes
+        self.part = of.parts[loose.number]
         reached = whole[own].indices
-        rows = np.unique(np.concatenate((alike.rows[j], reached[reached < count] // size)))
+        rows = np.unique(np.concatenate((loose.rows, reached[reached < count] // size)))
         others = np.unique(reached[reached >= count])
         self.unknowns = np.concatenate(((rows[:, None] * size + np.arange(size)).reshape(-1), others))
         self.nodes = Nodes(rows.size * size, size, dim)
         self.matrix = whole[self.unknowns][:, self.unknowns]
-        self.rest = np.zeros((self.unknowns.size, rigid.shape[1]))
-        self.rest[np.searchsorted(self.unknowns[:self.nodes.total], own)] = rigid
+        self.rest = np.zeros((self.unknowns.size, loose.rigid.shape[1]))
+        self.rest[np.searchsorted(self.unknowns[:self.nodes.total], own)] = loose.rigid
 
 
 def _spin(signs: Array, axes: Array) -> Array:

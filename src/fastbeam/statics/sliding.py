@@ -102,10 +102,10 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def _directly(self) -> tuple[int, list[float]]:
-        """Try Newton's method on all unknowns from the last equilibrium; reject its result where sliders go far. Return a status
-        and sizes."""
+        """Try Newton's method on all unknowns from the last equilibrium, or the start; reject its result where sliders go far.
+        Return a status and sizes."""
         free = self.sliding
-        if not self.history or not free.any():
+        if not free.any():
             return NOT_CONVERGED, []
         saved = self._saved()
         status, sizes = self._newton(free, False)
