@@ -269,17 +269,24 @@ def test_the_report_and_the_supports_know_carriers() -> None:
     assert "carriers           5 beams with sliders" in str(model)
 
 
-def test_a_border_that_the_memory_does_not_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = fb.compile_scene(scene(), condense=False, solver="sparse", planar=False)
-    assert not model.by_rows and model.carriers is None
-    Stepper(model, np.ones(1))
-    monkeypatch.setattr(workspace, "physical_memory", lambda: 1e5)
-    with pytest.raises(fb.SceneError, match=r"sliders and 0 joints with multipliers need a dense matrix of \d+") as caught:
-        fb.simulate(model, t_end=0.01, step=0.01)
-    assert "condense=True" in str(caught.value) and "GB" in str(caught.value)
-    # carriers have no border
-    assert model_of(scene(), planar=False).border_size == 0
-    Stepper(model_of(scene(), planar=False), np.ones(1))
+@pytest.mark.parametrize("options", [{"border": ("wire", "sleeve", "two beams", "pushed", "loop", "path"), "hook": "ball"},
+                                     {"twice": True}, {"flat": True, "sleeves": SLEEVES, "along": FORCES}])
+def test_many_constraints_are_in_one_sparse_matrix(monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]) -> None:
+    model = fb.compile_scene(scene(**options), condense=True)
+    runs = []
+    for slow in (np.inf, -1.0):
+        monkeypatch.setattr(workspace, "SLOW", slow)
+        runs.append(fb.simulate(model, t_end=0.1, step=STEP, progress=False))
+    border, matrix = runs
+    assert "nodes and constraints" in matrix.info["solver"] and "nodes and constraints" not in border.info["solver"]
+    assert matrix.info["iterations"] <= border.info["iterations"] + 2
+    for one, other, size in zip(matrix.state[:4], border.state[:4], (1e-11, 1e-8, 1e-11, 1e-8)):
+        np.testing.assert_allclose(one, other, atol=size * max(1.0, float(np.max(np.abs(other)))), rtol=0.0)
+    assert np.max(np.abs(matrix.balance() - matrix.balance()[0])) < 1e-12 * np.max(np.abs(matrix.series["total"]))
+    half = fb.simulate(model, t_end=0.05, step=STEP, progress=False)
+    again = fb.simulate(model, start=half.checkpoint, t_end=0.1, step=STEP, progress=False)
+    for one, other in zip(again.state, matrix.state):
+        np.testing.assert_array_equal(one, other)
 
 
 def net_of(joints: int, beams: int) -> fb.Net:

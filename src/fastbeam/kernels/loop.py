@@ -12,7 +12,7 @@ import numpy as np
 from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.beams.nodes import extrapolation, remember
 from fastbeam.kernels.contact.coulomb import begin_fallback, begin_round, cycles
-from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactOfCarriers
+from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInMatrix, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.records import in_memory
@@ -195,6 +195,7 @@ def assemble_step(terms, system, h):
 
 @fill.register(NoContact)
 @fill.register(ContactAtRest)
+@fill.register(ContactInMatrix)
 @fill.register(ContactOfCarriers)
 @kernel
 def fill_without_border(contact, terms, system):
@@ -276,6 +277,17 @@ def close_bordered(contact, terms, system):
                             work.increment.x, system.dofs)
     if singular >= 0:
         return -1.0 - singular, 0.0
+    push_increments.each(terms, system)
+    contact.augmented[3] = 0.0
+    take_unknowns.each(terms, system)
+    return 0.0, contact.augmented[3]
+
+
+@close.register(ContactInMatrix)
+@kernel
+def close_in_matrix(contact, terms, system):
+    work = system.work
+    take_solution(work.panel, system.width, 1.0, work.increment.x, system.dofs)
     push_increments.each(terms, system)
     contact.augmented[3] = 0.0
     take_unknowns.each(terms, system)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from fastbeam.kernels import loop  # noqa: F401
 from fastbeam.kernels.contact import slider  # noqa: F401
-from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
+from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInMatrix, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.calls import CALLS, COUNTS, INTEGER, NUMBER, PAIR, TRUTH, contents
 from fastbeam.kernels.jit.decorators import table_entry
@@ -48,6 +48,7 @@ from fastbeam.kernels.terms import (
 # questions of `fill` and `close` to terms, by the class of the contact; for other contacts they ask none
 OF_NODES = push_increments, recover
 BY_CONTACT = {NoContact: OF_NODES, ContactAtRest: OF_NODES, ContactOfCarriers: OF_NODES,
+              ContactInMatrix: (push_increments, take_unknowns),
               Contact: (carry_columns, complete_columns, push_increments, take_unknowns),
               ContactInRows: (push_increments, recover_inside, take_unknowns),
               FactoredContact: (push_increments, recover_inside, take_unknowns)}

@@ -1,20 +1,18 @@
 """Arrays that a run of a model writes, allocated once."""
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
 from fastbeam.kernels.contact.moving_beam import Scratch
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
-from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
+from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInMatrix, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
 from fastbeam.kernels.forces.user_force import FACTOR, SIZE
 from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
@@ -25,6 +23,8 @@ from fastbeam.kernels.terms import NoTies
 from fastbeam.model.model import Model
 
 Array = np.ndarray
+# operations of a dense border for each node from which on a sparse matrix is faster, and doubles of it at most
+SLOW, LARGEST_BORDER = 4e4, 250_000_000
 
 
 class ReferenceStrains:
@@ -76,9 +76,10 @@ def _axial_strains(tables: ElementTables, span: slice, strains: int) -> Array:
     return np.asarray(np.repeat(tables.meta[group, REFERENCE] + lane, points) + 8 * strains * point)
 
 
-def work_of(model: Model, keep: bool = True, rates: bool = False, strains: ReferenceStrains | None = None) -> Work:
+def work_of(model: Model, keep: bool = True, rates: bool = False, strains: ReferenceStrains | None = None,
+            in_matrix: bool = False) -> Work:
     """Allocate the work arrays of one run; keep: with room for the state before a step; rates: for a method with its own rates
-    (generalised alpha); strains: those of the run, default those of the model."""
+    (generalised alpha); strains: those of the run, default those of the model; in_matrix: for constraints in a sparse matrix."""
     n, s, size = model.n_nodes, model.n_sliders, len(model.dofs)
     kept = int(keep)
     q = model.q0.size
@@ -88,15 +89,16 @@ def work_of(model: Model, keep: bool = True, rates: bool = False, strains: Refer
     second = model.bodies is not None or model.moving is not None
     border = model.border * model.n_bordered
     # arrays for a dense border only
-    dense = 0 if model.by_rows else border
-    panel = 0 if model.by_rows else size * model.panel_rows * model.width
+    dense = 0 if model.by_rows or in_matrix else border
+    width = 1 if in_matrix else model.width
+    panel = 0 if model.by_rows else size * model.panel_rows * width
     # zeros mean no rates of a step before, rest, no loads, and no slave nodes
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=empty(moved), q_end=empty(moved),
                 u=np.zeros(q * (rates or second)), s_end=empty(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned_empty(8 * (n + 1)),
                 blocks=aligned_empty(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
-                panel=aligned_empty(panel), border_rows=aligned_empty((1 - model.by_rows) * (dense + 1) * model.width),
+                panel=aligned_empty(panel), border_rows=aligned_empty((1 - model.by_rows) * (dense + 1) * width),
                 schur=empty((dense, dense)), y=empty(border),
                 scratch=scratch_of(model), keep_q=empty(kept * q), keep_v=empty(kept * q), keep_s=empty(kept * s),
                 keep_force=empty(kept * model.n_forces),
@@ -109,29 +111,10 @@ def work_of(model: Model, keep: bool = True, rates: bool = False, strains: Refer
                 reference_strains=model.reference_strains if strains is None else strains.of(model))
 
 
-def check_border(model: Model) -> None:
-    """Check that the memory of this computer holds the dense columns of constraints over all nodes. Raises SceneError: names the
-    number of constraints and what to do."""
-    if not model.n_bordered or model.by_rows:
-        return
-    # the panel, its Schur complement, and arrays of PARDISO: right-hand sides, solutions, residuals and corrections
-    needed = 8 * (model.border_size + 4 * model.columns * len(model.dofs) * model.pattern.n)
-    there = physical_memory()
-    if needed > there:
-        of = f"{model.bordered_sliders} sliders and {len(model.kept)} joints with multipliers"
-        size = f"{needed / 1000000000.0:.3g} GB, but this computer has {there / 1000000000.0:.3g} GB"
-        raise SceneError(f"scene {model.scene_name!r}: {of} need a dense matrix of {model.columns - 1} columns over all nodes of "
-                         f"a net, {size}. Slide masses or bodies on beams that touch nothing else, and compile with "
-                         "condense=True (docs/limits.md). Close loops of rigid parts by RigidConnection, elastic beams or "
-                         "springs instead of ball joints, or use fewer of them")
-
-
-def physical_memory() -> float:
-    """Return the bytes of memory of this computer; infinity where that is not known."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):
-        return np.inf
+def border_is_slow(model: Model) -> bool:
+    """Return whether the dense border of constraints takes longer than a sparse matrix of all nodes and constraints, or much
+    memory."""
+    return not model.by_rows and (model.columns**3 > SLOW * model.n_nodes or model.border_size > LARGEST_BORDER)
 
 
 def scratch_of(model: Model) -> Array:
@@ -234,8 +217,9 @@ def entries_at_rest(model: Model) -> int:
     return max(ends, (nodes + 1) * widest + nodes + 1)
 
 
-def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) -> Contact | None:
-    """Allocate the work arrays of the constraints, with room for so many entries (default: `entries_of`); at_rest: in statics."""
+def contact_of(model: Model, entries: int | None = None, at_rest: bool = False, in_matrix: bool = False) -> Contact | None:
+    """Allocate the work arrays of the constraints, with room for so many entries (default: `entries_of`); at_rest: in statics;
+    in_matrix: for constraints in a sparse matrix."""
     n, row = model.n_constraints, 8 * len(model.dofs)
     if not n:
         return None
@@ -244,7 +228,7 @@ def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) 
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
         model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
-    kind = ContactAtRest if at_rest else kind
+    kind = ContactAtRest if at_rest else ContactInMatrix if in_matrix else kind
     columns, lines = map(aligned_empty, [n * row * entries] * 2)
     # the identity behind the forces of joints, with zeros on the right
     corner = aligned(64 * n).reshape(n, 64)

@@ -9,9 +9,10 @@ A step holds half the derivatives of its sliding equations, as it holds half the
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from operator import is_
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,9 @@ from fastbeam.linalg.pattern import Pattern
 from fastbeam.linalg.scaling import with_values
 from fastbeam.model.gap_rows import is_constraint
 from fastbeam.model.maps import free_of_rows
-from fastbeam.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 # entries of constraints that a structure keeps, next to those that there are
@@ -75,6 +78,71 @@ class Equations(NamedTuple):
     size: Any = None                # float64 [S], N: of the contact forces
     rubbing: Entries = NO_ENTRIES   # [S, m]: of friction in the sliding equations, by the unknowns of the nodes
     by_force: Entries = NO_ENTRIES  # [S, F]: the same by the multipliers
+
+
+class MatrixOfBlocks:
+    """Sparse matrix by rows, of blocks of nodes and other entries, whose structure changes now and then.
+
+    pattern: blocks of the nodes.
+    size: unknowns a node.
+    more: unknowns behind those of the nodes.
+    nodes, n: unknowns of the nodes, and of all.
+    """
+
+    def __init__(self, pattern: Pattern, size: int, more: int) -> None:
+        self.nodes = size * pattern.n
+        self.n = self.nodes + more
+        rows, within = pattern.rows, np.arange(size)
+        row, column = (size * x[:, None, None] for x in (rows, pattern.columns))
+        keys = ((row + within[:, None]) * self.n + (column + within)).reshape(-1)
+        at = (8 * size * np.arange(rows.size)[:, None, None] + 8 * within[:, None] + within).reshape(-1)
+        order = keys.argsort()
+        self._keys, self._blocks = keys[order], at[order]
+        # other entries of the structure, row n + column, and where those last placed stand
+        self._known = np.zeros(0, np.int64)
+        self._at = np.zeros(0, np.int64)
+        self._matrix: Any = None
+
+    def _merge(self, keys: Array) -> None:
+        """Form the structure with other entries at these keys, ascending."""
+        at = self._keys.searchsorted(keys)
+        new = (self._keys[np.minimum(at, self._keys.size - 1)] != keys).nonzero()[0]
+        before = np.bincount(at[new], minlength=self._keys.size + 1).cumsum()
+        of_blocks = np.arange(self._keys.size) + before[:-1]
+        self._position = at + before[at]
+        self._position[new] = at[new] + np.arange(new.size)
+        merged = np.empty(self._keys.size + new.size, np.int64)
+        merged[of_blocks], merged[self._position[new]] = self._keys, keys[new]
+        self._source = np.zeros(merged.size, np.int64)
+        self._source[of_blocks] = self._blocks
+        self._added = self._position[new]
+        indptr = merged.searchsorted(self.n * np.arange(self.n + 1)).astype(np.int32)
+        self._matrix = sparse.csr_matrix((np.zeros(merged.size), (merged % self.n).astype(np.int32), indptr),
+                                         shape=(self.n, self.n))
+        self._known = keys
+
+    def place(self, row: Array, column: Array, room: Callable[[], Array] = lambda: NONE) -> None:
+        """Find the places of entries at these rows and columns [*]; several may stand at one place.
+
+        room: returns keys, row n + column, of entries that a new structure has room for besides.
+        """
+        keys = row.astype(np.int64) * self.n + column
+        place = np.minimum(self._known.searchsorted(keys), max(self._known.size - 1, 0))
+        if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
+            # earlier entries stay for a while, because entries that vanish come back
+            before = self._known if self._known.size <= MOST_IDLE * keys.size else NONE
+            every = np.sort(np.concatenate((keys, room(), before)))
+            self._merge(every[np.flatnonzero(np.diff(every, prepend=-1))])
+            place = self._known.searchsorted(keys)
+        self._at = self._position[place]
+
+    def filled(self, blocks: Array, factor: float, value: Array) -> Any:
+        """Return the matrix, sparse [n, n], of `factor` times the blocks and the entries that `place` has placed."""
+        data = blocks[self._source]
+        data *= factor
+        data[self._added] = 0.0
+        np.add.at(data, self._at, value)
+        return with_values(self._matrix, data)
 
 
 class Constraints:
@@ -254,7 +322,7 @@ class Constraints:
         self._slide = Entries(k[of], unknown[of, i], at[:, :, d][slide])
 
 
-class SaddleMatrix:
+class SaddleMatrix(MatrixOfBlocks):
     """Matrix by rows of nodes, sliding coordinates and multipliers, from blocks of nodes and entries of constraints.
 
     size: unknowns a node.
@@ -262,38 +330,11 @@ class SaddleMatrix:
     """
 
     def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
-        self.nodes = size * pattern.n
-        self.sliders, self.n = sliders, self.nodes + sliders + forces
-        rows, within = pattern.rows, np.arange(size)
-        row, column = (size * x[:, None, None] for x in (rows, pattern.columns))
-        keys = ((row + within[:, None]) * self.n + (column + within)).reshape(-1)
-        at = (8 * size * np.arange(rows.size)[:, None, None] + 8 * within[:, None] + within).reshape(-1)
-        order = keys.argsort()
-        self._keys, self._blocks = keys[order], at[order]
-        self._known = np.zeros(0, np.int64)
-        # rows and columns of the entries of constraints last put in, and where these stand
+        super().__init__(pattern, size, sliders + forces)
+        self.sliders = sliders
+        # rows and columns of the entries of constraints last put in
         self._last: tuple[Any, ...] = (None,) * 6
         self._idle = b""
-        self._at = np.zeros(0, np.int64)
-        self._matrix: Any = None
-
-    def _merge(self, keys: Array) -> None:
-        """Form the structure with entries of constraints at these keys, row n + column, ascending."""
-        at = self._keys.searchsorted(keys)
-        new = (self._keys[np.minimum(at, self._keys.size - 1)] != keys).nonzero()[0]
-        before = np.bincount(at[new], minlength=self._keys.size + 1).cumsum()
-        of_blocks = np.arange(self._keys.size) + before[:-1]
-        self._position = at + before[at]
-        self._position[new] = at[new] + np.arange(new.size)
-        merged = np.empty(self._keys.size + new.size, np.int64)
-        merged[of_blocks], merged[self._position[new]] = self._keys, keys[new]
-        self._source = np.zeros(merged.size, np.int64)
-        self._source[of_blocks] = self._blocks
-        self._added = self._position[new]
-        indptr = merged.searchsorted(self.n * np.arange(self.n + 1)).astype(np.int32)
-        self._matrix = sparse.csr_matrix((np.zeros(merged.size), (merged % self.n).astype(np.int32), indptr),
-                                         shape=(self.n, self.n))
-        self._known = keys
 
     def of(self, blocks: Array, equations: Equations, sliding: Array, drag: float) -> Any:
         """Form the matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
@@ -318,11 +359,7 @@ class SaddleMatrix:
         if idle != self._idle or not all(map(is_, places, self._last)):
             self._find_places(equations, dim)
             self._last, self._idle = places, idle
-        data = blocks[self._source]
-        data *= 2.0
-        data[self._added] = 0.0
-        np.add.at(data, self._at, value)
-        return with_values(self._matrix, data)
+        return self.filled(blocks, 2.0, value)
 
     def _find_places(self, equations: Equations, dim: int) -> None:
         """Find the places of entries of constraints in the matrix, in the order of `of`."""
@@ -337,11 +374,4 @@ class SaddleMatrix:
         column = np.concatenate((bent.column, m + slide.row, m + s + gradient.row, slide.column, diagonal, component,
                                  m + s + turns.row, gradient.column, of, m + turns.column, idle, rubbing.column,
                                  m + s + by_force.column))
-        keys = row.astype(np.int64) * self.n + column
-        place = np.minimum(self._known.searchsorted(keys), max(self._known.size - 1, 0))
-        if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
-            # earlier entries stay for a while, because entries that vanish come back
-            before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
-            self._merge(np.unique(np.concatenate((keys, before))))
-            place = self._known.searchsorted(keys)
-        self._at = self._position[place]
+        self.place(row, column)

@@ -39,8 +39,8 @@ from fastbeam.model.start import own_state
 from fastbeam.model.workspace import (
     Capacity,
     ReferenceStrains,
+    border_is_slow,
     capacity_of,
-    check_border,
     contact_of,
     factored_contact_of,
     inner_of,
@@ -50,6 +50,7 @@ from fastbeam.model.workspace import (
 )
 from fastbeam.stepping.condensed import CondensedIteration, thread_count
 from fastbeam.stepping.constraint_rows import constraints_of
+from fastbeam.stepping.constraint_matrix import MatrixIteration, MatrixSystem
 from fastbeam.stepping.iteration import LEFT, Iteration
 from fastbeam.stepping.methods import Scheme, empty_rates, start_rates
 from fastbeam.stepping.outcome import Outcome
@@ -65,8 +66,6 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
            "keep_dphi", "keep_theta", "past", "keep_past")
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
-# doubles of a dense border beyond which a failed step is not repeated with one
-LARGEST_BORDER = 250_000_000
 # a start whose supports have turned as far as their functions, rad
 SAME_TURN = 1e-9
 
@@ -84,6 +83,7 @@ class Stepper:
     threads: threads for condensed beams (default: see `thread_count`) and for PARDISO.
     static, symmetric: for statics: loads that change, PARDISO's symmetric factorisation.
     strains: those of the run, which several steppers may share.
+    in_matrix: for a model without eliminated nodes: nodes and constraints are one sparse matrix.
     Raises SceneError: the state is not one of this model, max_iterations, backend or augmentation is not usable, or its
         constraints are a dense border that the memory does not hold.
     """
@@ -91,12 +91,16 @@ class Stepper:
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto", method: Scheme = Scheme(), t: float = 0.0, memory: Array | None = None,
                  augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False,
-                 symmetric: bool = False, strains: ReferenceStrains | None = None) -> None:
+                 symmetric: bool = False, strains: ReferenceStrains | None = None, in_matrix: bool = False) -> None:
         check_backend(backend)
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
         if method.is_compared and model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
+        elif not static and border_is_slow(model if model.plane is None else model.plane.model):
+            assert model.uneliminated is not None
+            model, in_matrix = model.uneliminated(planar=model.plane is not None), True
+        self.in_matrix = in_matrix and model.n_constraints > 0
         self.model, self.method, self._static = model, method, static
         self.strains = strains or ReferenceStrains()
         self.weights = np.ascontiguousarray(weights, dtype=float)
@@ -111,8 +115,8 @@ class Stepper:
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
-        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
-                                   symmetric=symmetric)
+        self.linear = MatrixSystem(core.pattern, backend, len(core.dofs)) if self.in_matrix else LinearSystem(
+            core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed, symmetric=symmetric)
         self.alpha = empty_rates(method, model.n_nodes)
         self._more_turns: Array | None = None
         self._check_analyses()
@@ -127,7 +131,8 @@ class Stepper:
         self.corner: Corner | None = None  # a slider on its way over a corner of a switch
         self.growing = Growing(core, self.terms) if static else None
         put_limits(core, self.core_state, None, self.terms)
-        self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
+        self.parts = (CondensedIteration(self, threads) if condensed and threads else
+                      MatrixIteration(self) if self.in_matrix else Iteration(self))
         self._factors = np.ones((1, len(model.load_times)))
         self.made_fallback: Stepper | None = None  # once a step has needed it
         self._calls: Calls | None = None
@@ -157,8 +162,6 @@ class Stepper:
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         core: Model = model if self.plane is None else self.plane.model
-        if not self._static:
-            check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         core, self.supports = own_supports(core, self.core_state, self._static)
         self.core = core
@@ -168,7 +171,7 @@ class Stepper:
         core, rates = self.core, self.method.at_end
         # a step in one piece changes the state when it is done
         keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
-        self.work = work_of(core, keep, rates, self.strains)
+        self.work = work_of(core, keep, rates, self.strains, self.in_matrix)
         self.inner = inner_of(core)
         # sliders alone, as rows of the block matrix
         self._factored = (core.by_rows and core.n_constraints == core.n_sliders
@@ -179,7 +182,7 @@ class Stepper:
             self.contact = self._contact_of(self.capacity.entries)
             self._make_rows(self.capacity)
         else:
-            self.contact = contact_of(core, at_rest=self._static)
+            self.contact = contact_of(core, at_rest=self._static, in_matrix=self.in_matrix)
 
     def _check_analyses(self) -> None:
         """Refuse a model that does not go with the method or the substeps. Raises SceneError."""
@@ -264,7 +267,7 @@ class Stepper:
             method = Equilibrium()
         solver = self.linear.tables if self.core.pattern.plan is None else self.rows or self.core.pattern.plan
         return system_of(self.core, method, self.contact, solver if self.linear.is_compiled else None,
-                         self.core_state, self.work)
+                         self.core_state, self.work, 1 if self.in_matrix else None)
 
     @property
     def records(self) -> tuple[Table, SystemRecord]:
@@ -340,7 +343,7 @@ class Stepper:
             assert self.model.uneliminated is not None
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation,
-                               strains=self.strains)
+                               strains=self.strains, in_matrix=True)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
             put_limits(self.core, self.core_state, self.corner, fallback.terms)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
@@ -490,7 +493,7 @@ class Stepper:
                 return fresh.after(result)
             past[0] = known
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
-        if self.pivots_everywhere or self.core.border_size > LARGEST_BORDER:
+        if self.pivots_everywhere:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size

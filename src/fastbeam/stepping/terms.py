@@ -89,9 +89,10 @@ def put_limits(model: Model, state: State, corner: Corner | None, *all_terms: tu
                     term.along.stops[:, :2] = model.slider_forces.elastic(state.s, model.along_of(state.history))
 
 
-def system_of(model: Model, method: Any, contact: Contact | FactoredContact | None, solver: Any, state: State,
-              work: Work) -> System:
+def system_of(model: Model, method: Any, contact: Contact | FactoredContact | None, solver: Any, state: State, work: Work,
+              width: int | None = None) -> System:
     """Form the record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one
-    that compiled code calls, or None."""
-    return System(Unknown(0), model.pattern.row_of, model.spinless, state, model.width, model.length, work, model.dofs, method,
+    that compiled code calls, or None; width: columns of the panel of right-hand sides, default those of the model."""
+    width = model.width if width is None else width
+    return System(Unknown(0), model.pattern.row_of, model.spinless, state, width, model.length, work, model.dofs, method,
                   NoContact() if contact is None else contact, SolverOutside() if solver is None else solver)

@@ -61,6 +61,11 @@ class ContactAtRest(Contact):
     """Contact in statics, which solves for nodes and constraints outside of compiled code."""
 
 
+class ContactInMatrix(Contact):
+    """Contact of scenes whose constraints are rows and columns of one sparse matrix, which is solved outside of compiled code
+    (stepping/constraint_matrix.py)."""
+
+
 class ContactOfCarriers(Contact):
     """Contact of scenes whose sliders are all eliminated with their beams (linalg/carriers.py): it has no entries."""
 

@@ -1,0 +1,149 @@
+"""Newton iterations of scenes with many constraints on nets: one sparse matrix of nodes and constraints, factored by PARDISO
+(theory.md 9).
+
+    K x + C y = -r          C: columns, derivatives of the residual by the unknowns of the constraints
+    L x + D y = -g          L: lines, derivatives of their equations by the unknowns of the nodes
+
+with the augmented Lagrangian of (5.5) on the diagonal of D.
+"""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fastbeam.kernels import loop as kernels
+from fastbeam.linalg.factors import OF_STEP, Factors, factoriser_for, solver_name
+from fastbeam.linalg.linear_system import LinearSystem
+from fastbeam.linalg.pattern import Pattern
+from fastbeam.stepping.assembled import MatrixOfBlocks
+from fastbeam.stepping.iteration import Iteration
+
+if TYPE_CHECKING:
+    from fastbeam.stepping.stepper import Stepper
+
+Array = np.ndarray
+
+
+class MatrixSystem(LinearSystem):
+    """Solver for the nodes and constraints of a model."""
+
+    def __init__(self, pattern: Pattern, backend: str, size: int) -> None:
+        super().__init__(pattern, 1, "superlu", size)
+        # on one thread, because the bits depend on their number
+        self.factoriser = factoriser_for(backend, threads=1)
+
+    @property
+    def name(self) -> str:
+        """Linear solver and its number of factorisations, for the result."""
+        return solver_name(self.factoriser, "nodes and constraints")
+
+
+class MatrixIteration(Iteration):
+    """Newton iteration around the sparse matrix of nodes and constraints."""
+
+    def __init__(self, owner: Stepper) -> None:
+        super().__init__(owner)
+        core, contact = owner.core, owner.contact
+        assert contact is not None
+        self._size, self._border, self._dim = len(core.dofs), core.border, core.dim
+        self._matrix = MatrixOfBlocks(core.pattern, self._size, core.border * core.n_constraints)
+        self._nodes, count = self._matrix.nodes, core.n_constraints
+        self._of_force = np.arange(self._border) < contact.forces[:, None]
+        self._unknowns = np.arange(self._border) < core.unknowns[:, None]
+        self._number = self._nodes + contact.first[:, None] + np.arange(self._border)
+        at = np.arange(8)[:self._border]
+        self._corner = (64 * np.arange(count)[:, None, None] + 8 * at[:, None] + at).reshape(-1)
+        # what the structure was made of
+        self._touched: tuple[Any, ...] = ()
+        self._entries = self._held = self._rows = self._of = np.zeros(0, np.int64)
+        # the constraint whose forces move nothing, -1: none
+        self._loose = -1
+        rows, within = core.pattern.rows, np.arange(self._size)
+        own = rows == core.pattern.columns
+        self._diagonal = np.zeros((core.pattern.n, self._size), np.int64)
+        self._diagonal[rows[own]] = 8 * self._size * np.flatnonzero(own)[:, None] + 9 * within
+        self._diagonal = self._diagonal.reshape(-1)
+
+    def _look(self) -> None:
+        """Find where entries of the constraints stand."""
+        contact, core, size = self.owner.contact, self.owner.core, self._size
+        inside = np.arange(contact.row.shape[1]) < contact.entries[:, None]
+        touched = contact.entries.tobytes(), contact.row[inside].tobytes()
+        if self._touched[:2] == touched and self._touched[2] is core.held:
+            return
+        self._touched = *touched, core.held
+        k, m = inside.nonzero()
+        unknown = size * contact.row[k, m][:, None] + np.arange(size)
+        held = np.zeros(self._nodes, bool)
+        if core.held is not None:
+            seen = core.held.row < core.pattern.n
+            fixed = core.held.mask[seen, None] >> np.arange(size) & 1 != 0
+            held[(size * core.held.row[seen, None] + np.arange(size))[fixed]] = True
+        at = (8 * size * (k * contact.row.shape[1] + m))[:, None, None] + 8 * np.arange(size)[:, None] + np.arange(self._border)
+        used = np.broadcast_to(self._unknowns[k][:, None], at.shape)
+        row = np.broadcast_to(unknown[:, :, None], at.shape)[used]
+        number = np.broadcast_to(self._number[k][:, None], at.shape)[used]
+        self._entries, self._rows, self._of = at[used], row, number - self._nodes
+        self._free = ~held[row]
+        corner = np.broadcast_to(self._number[:, :, None], (*self._number.shape, self._border))
+        pair = contact.pair
+        slide, moments = self._number[pair[:, 0], self._dim], self._number[pair[:, 1]]
+        slides = np.repeat(slide, self._border)
+        force = self._number[self._of_force]
+        self._matrix.place(
+            np.concatenate((row, number, corner.reshape(-1), slides, moments.reshape(-1), force)),
+            np.concatenate((number, row, corner.transpose(0, 2, 1).reshape(-1), moments.reshape(-1), slides, force)),
+            lambda: self._room(k, contact.row[k, m]))
+
+    def _room(self, k: Array, row: Array) -> Array:
+        """Return keys of entries of sliders k [*], next to their rows, that they reach when they go on."""
+        pattern, n, size = self.owner.core.pattern, self._matrix.n, self._size
+        moves = k < self.owner.core.n_sliders
+        k, row = k[moves], row[moves]
+        first, end = pattern.rows.searchsorted(row), pattern.rows.searchsorted(row, "right")
+        of = np.repeat(np.arange(row.size), end - first)
+        near = pattern.columns[np.arange(of.size) + np.repeat(first - np.cumsum(end - first) + end - first, end - first)]
+        unknown = (size * near[:, None, None] + np.arange(size)[:, None]).astype(np.int64)
+        number = self._number[k[of]][:, None]
+        return np.concatenate([(x * n + y).reshape(-1) for x, y in ((unknown, number), (number, unknown))])
+
+    def solve(self) -> bool:
+        """Solve for nodes and constraints; False where no acceptable solution was found."""
+        owner, contact, work = self.owner, self.owner.contact, self.owner.work
+        kernels.fill_right(*self.records)
+        if not self.is_regular:
+            return False
+        self._look()
+        column = np.where(self._free, contact.column.reshape(-1)[self._entries], 0.0)
+        line = contact.line.reshape(-1)[self._entries]
+        stiff = np.abs(work.blocks[self._diagonal])
+        stiff[stiff == 0.0] = np.inf
+        # of the parts that a constraint joins, each unknown alone
+        of_each = np.bincount(self._of, np.abs(column * line) / stiff[self._rows], self._number.size)
+        # and of sliders that have left their beams
+        own = np.abs(contact.corner[:, 9 * np.arange(self._border)])
+        compliance = np.max(np.where(self._of_force, of_each.reshape(own.shape) + own, 0.0), axis=1)
+        self._loose = int(np.argmin(compliance)) if not np.all(compliance > contact.augmented[1]) else -1
+        if self._loose >= 0:
+            return True
+        contact.compliance[:] = compliance
+        soft = (contact.augmented[0] * contact.softness * compliance)[:, None]
+        before = np.zeros(self._number.shape)
+        before[self._of_force] = contact.augmented[2] * owner.core_state.force
+        border = self._border
+        cross = contact.cross[:, :, :border]
+        value = np.concatenate((column, line, contact.corner.reshape(-1)[self._corner], cross[:, 0].reshape(-1),
+                                cross[:, 1].reshape(-1), np.broadcast_to(soft, self._number.shape)[self._of_force]))
+        right = np.concatenate((work.panel[:self._nodes], (contact.residual[:, :border] + soft * before).reshape(-1)))
+        x = Factors(self._matrix.filled(work.blocks, 1.0, value), owner.linear.factoriser, OF_STEP).solve(-right)
+        if x is None:
+            return False
+        work.panel[:self._nodes], work.y[:] = x[:self._nodes], x[self._nodes:]
+        left = np.abs(soft * (work.y.reshape(before.shape) + before))
+        contact.remaining[:] = np.max(np.where(self._of_force, left, 0.0), axis=1)
+        contact.augmented[2] = 0.0
+        return True
+
+    def update(self) -> float:
+        return -1.0 - self._loose if self._loose >= 0 else super().update()
