@@ -9,6 +9,7 @@ import numpy as np
 
 from fastbeam.compile.pieces import pieces
 from fastbeam.compile.tracks import contact_curve_of
+from fastbeam.model.workspace import border_is_slow
 from fastbeam.scene import Path, Scene, Switch
 
 if TYPE_CHECKING:
@@ -113,6 +114,9 @@ def _sliders(scene: Scene, model: Model) -> Iterator[Line]:
 def _solver(model: Model) -> Line:
     """Tell which solver the equations go to."""
     pattern, run = model.pattern, _solved(model)
+    if border_is_slow(run):
+        constraints = _plural(run.n_constraints, "constraint")
+        return "sparse solver", f"PARDISO, nodes and {constraints} in one matrix; SuperLU as fallback"
     if pattern.plan is None:
         return "sparse solver", (f"PARDISO, {pattern.keys.size} blocks of {len(run.dofs)} x {len(run.dofs)}, analysed once; "
                                  "SuperLU as fallback")

@@ -84,8 +84,7 @@ class Stepper:
     static, symmetric: for statics: loads that change, PARDISO's symmetric factorisation.
     strains: those of the run, which several steppers may share.
     in_matrix: for a model without eliminated nodes: nodes and constraints are one sparse matrix.
-    Raises SceneError: the state is not one of this model, max_iterations, backend or augmentation is not usable, or its
-        constraints are a dense border that the memory does not hold.
+    Raises SceneError: the state is not one of this model, max_iterations, backend or augmentation is not usable.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
