@@ -63,9 +63,10 @@ class Frame(NamedTuple):
         return np.asarray(vectors / unit @ self.turn)
 
 
-def nudged(seed: int) -> Frame:
-    """At home, with numbers that differ in their last places."""
-    return Frame(*(1.0 + EPS * np.random.default_rng((seed, 1)).integers(2, 9, 3)))
+def nudged(seed: int, frame: Frame = Frame()) -> Frame:
+    """A frame with numbers that differ in their last places."""
+    m, kg, s = 1.0 + EPS * np.random.default_rng((seed, 1)).integers(2, 9, 3)
+    return frame._replace(m=m * frame.m, kg=kg * frame.kg, s=s * frame.s)
 
 
 def away(seed: int) -> Frame:
@@ -686,18 +687,23 @@ def compared(name: str, family: str, features: tuple[str, ...], seed: int) -> Co
     if told:
         # which of several solutions such a step takes is left to round-off
         return Compared(wrong, balance=balance, told=True)
-    moved = 1.0 + float(np.linalg.norm(away(seed).shift))
+    moved, beside = 1.0 + float(np.linalg.norm(away(seed).shift)), list[Found]()
     differences, ratios = [0.0], [0.0]
     for what, (x, size) in home.numbers.items():
         off = _size(far.numbers[what][0] - x)
         floor = DIFFERENCES * size + ONE_BIT if what.startswith("by ") else FLOOR * size
 
         def times() -> float:
-            own = max(_size(one.numbers[what][0] - x) for one in near if one.words == home.words)
-            return off / (moved * (TIMES * own + floor) or 1.0)
+            own, others = ([_size(one.numbers[what][0] - to) for one in those if one.words == home.words]
+                           for those, to in ((near, x), (beside, far.numbers[what][0])))
+            # the median, so that one that takes another branch does not count
+            most = max(moved * (TIMES * max(own) + floor), TIMES * float(np.median(others or [0.0])))
+            return off / (most or 1.0)
 
         if times() > 1.0 and len(near) == 1:
             near += [at(nudged(seed + k * 1000)) for k in range(1, NUDGES)]
+        if times() > 1.0 and not beside:
+            beside += [at(nudged(seed + k * 1000, away(seed))) for k in range(1, NUDGES)]
         differences.append(off / (size or 1.0))
         ratios.append(times())
         if ratios[-1] > 1.0:

@@ -25,9 +25,9 @@ import numpy as np
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.state import ASKED, BEGUN, CHANGED, FALLBACK, MOVED, MOVED_BEFORE, ROUNDS, WAITED
 
-# changes of the slip direction in one step, or iterations of it, after which Newton's method counts as cycling; iterations that
-# evaluate slip directions before convergence counts
-MOST_FLIPS, LATE, JUDGED = 6, 12, 2
+# changes of the slip direction in one step, or iterations of it, after which Newton's method counts as cycling, but not where
+# increments are small already; iterations that evaluate slip directions before convergence counts
+MOST_FLIPS, LATE, NEARLY, JUDGED = 6, 12, 1e-8, 2
 # iterations after which Newton's method counts as not converging with a set; rounds after which fewer coordinates may change;
 # rounds in which a coordinate may change before its friction is soft
 PATIENCE, TURN, MOST_TURNS = 8, 8, 5
@@ -162,7 +162,8 @@ def begin_iteration(coulomb, i, increment):
         coulomb.flips[i] = MOST_FLIPS
         coulomb.rest[i] = 0.0
         return True
-    if coulomb.judged[i] == LATE or coulomb.flips[i] >= MOST_FLIPS:
+    late = coulomb.judged[i] >= LATE and increment.control[MOVED] > NEARLY
+    if late or coulomb.flips[i] >= MOST_FLIPS:
         coulomb.flips[i] = MOST_FLIPS
         increment.control[ASKED] = 1.0
     return False
