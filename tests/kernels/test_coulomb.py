@@ -20,6 +20,7 @@ from fastbeam.kernels.contact.coulomb import (
     MOST_FAILED,
     MOST_FLIPS,
     MOST_TURNS,
+    NEARLY,
     NEW,
     PATIENCE,
     SHARPER,
@@ -94,8 +95,10 @@ def converges(coulomb: Coulomb) -> bool:
 
 
 def test_many_changes_of_sign_and_many_iterations_begin_the_fallback_of_all() -> None:
-    for flips, judged, expected in ((MOST_FLIPS - 1, 3, False), (MOST_FLIPS, 3, True), (0, LATE - 1, True)):
+    for flips, judged, moved, expected in ((MOST_FLIPS - 1, 3, 1.0, False), (MOST_FLIPS, 3, 1.0, True), (0, LATE - 1, 1.0, True),
+                                           (0, LATE - 1, 0.1 * NEARLY, False)):
         increment, coulomb = increment_of(0), two()
+        increment.control[MOVED] = moved
         coulomb.flips[0], coulomb.judged[0], coulomb.rest[1] = flips, judged, 1.0
         assert not begin_iteration(coulomb, 0, increment) and cycles(increment) is expected
         begin_round(increment)
