@@ -107,6 +107,11 @@ class Factoriser:
         self.is_fresh = False
         self.scales: tuple[tuple[Array, Array], Array] | None = None
 
+    def forget(self) -> None:
+        """Forget the structure and values of earlier matrices, on which the bits of solutions depend."""
+        self._memory = self.scales = None
+        self._indices = self._indptr = np.zeros(0, np.int32)
+
     def knows(self, matrix: Any) -> bool:
         """Return whether a matrix by rows has the structure that was analysed last."""
         if self._memory is None or self._indices.size != matrix.indices.size:

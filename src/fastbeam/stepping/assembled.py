@@ -121,20 +121,27 @@ class MatrixOfBlocks:
                                          shape=(self.n, self.n))
         self._known = keys
 
-    def place(self, row: Array, column: Array, room: Callable[[], Array] = lambda: NONE) -> None:
+    def forget(self) -> None:
+        """Forget the structure."""
+        self._known, self._matrix = np.zeros(0, np.int64), None
+
+    def place(self, row: Array, column: Array, room: Callable[[], Array] = lambda: NONE) -> bool:
         """Find the places of entries at these rows and columns [*]; several may stand at one place.
 
         room: returns keys, row n + column, of entries that a new structure has room for besides.
+        Returns whether the structure is a new one.
         """
         keys = row.astype(np.int64) * self.n + column
         place = np.minimum(self._known.searchsorted(keys), max(self._known.size - 1, 0))
-        if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
+        is_new = self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys))
+        if is_new:
             # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else NONE
             every = np.sort(np.concatenate((keys, room(), before)))
             self._merge(every[np.flatnonzero(np.diff(every, prepend=-1))])
             place = self._known.searchsorted(keys)
         self._at = self._position[place]
+        return is_new
 
     def filled(self, blocks: Array, factor: float, value: Array) -> Any:
         """Return the matrix, sparse [n, n], of `factor` times the blocks and the entries that `place` has placed."""

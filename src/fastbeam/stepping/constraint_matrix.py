@@ -8,6 +8,7 @@ with the augmented Lagrangian of (5.5) on the diagonal of D.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
     from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
+
+
+def _same(touched: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    """Return whether entries stand for the same rows, with the same unknowns held."""
+    return touched[:2] == other[:2] and bool(other) and touched[2] is other[2]
 
 
 class MatrixSystem(LinearSystem):
@@ -54,8 +60,10 @@ class MatrixIteration(Iteration):
         self._number = self._nodes + contact.first[:, None] + np.arange(self._border)
         at = np.arange(8)[:self._border]
         self._corner = (64 * np.arange(count)[:, None, None] + 8 * at[:, None] + at).reshape(-1)
-        # what the structure was made of
+        # what entries stand for, and did where the structure was begun; whether it is as it was begun
         self._touched: tuple[Any, ...] = ()
+        self._begun: tuple[Any, ...] = ()
+        self._is_first = self._is_pure = False
         self._entries = self._held = self._rows = self._of = np.zeros(0, np.int64)
         # the constraint whose forces move nothing, -1: none
         self._loose = -1
@@ -65,14 +73,25 @@ class MatrixIteration(Iteration):
         self._diagonal[rows[own]] = 8 * self._size * np.flatnonzero(own)[:, None] + 9 * within
         self._diagonal = self._diagonal.reshape(-1)
 
+    def newton(self, h: float, max_iterations: int, largest: float, stop: Callable[[], Any]) -> tuple[int, list[float]]:
+        # the bits of a step must not depend on those before
+        self._is_first = True
+        if self.owner.linear.factoriser is not None:
+            self.owner.linear.factoriser.forget()
+        return super().newton(h, max_iterations, largest, stop)
+
     def _look(self) -> None:
         """Find where entries of the constraints stand."""
         contact, core, size = self.owner.contact, self.owner.core, self._size
         inside = np.arange(contact.row.shape[1]) < contact.entries[:, None]
-        touched = contact.entries.tobytes(), contact.row[inside].tobytes()
-        if self._touched[:2] == touched and self._touched[2] is core.held:
+        touched = contact.entries.tobytes(), contact.row[inside].tobytes(), core.held
+        if self._is_first and not (self._is_pure and _same(touched, self._begun)):
+            self._matrix.forget()
+            self._touched, self._begun = (), touched
+        first, self._is_first = self._is_first, False
+        if _same(touched, self._touched):
             return
-        self._touched = *touched, core.held
+        self._touched = touched
         k, m = inside.nonzero()
         unknown = size * contact.row[k, m][:, None] + np.arange(size)
         held = np.zeros(self._nodes, bool)
@@ -91,10 +110,11 @@ class MatrixIteration(Iteration):
         slide, moments = self._number[pair[:, 0], self._dim], self._number[pair[:, 1]]
         slides = np.repeat(slide, self._border)
         force = self._number[self._of_force]
-        self._matrix.place(
+        is_new = self._matrix.place(
             np.concatenate((row, number, corner.reshape(-1), slides, moments.reshape(-1), force)),
             np.concatenate((number, row, corner.transpose(0, 2, 1).reshape(-1), moments.reshape(-1), slides, force)),
             lambda: self._room(k, contact.row[k, m]))
+        self._is_pure = first or self._is_pure and not is_new
 
     def _room(self, k: Array, row: Array) -> Array:
         """Return keys of entries of sliders k [*], next to their rows, that they reach when they go on."""
