@@ -24,7 +24,7 @@ from fastbeam.model.model import Model
 
 Array = np.ndarray
 # operations of a dense border for each node from which on a sparse matrix is faster, and doubles of it at most
-SLOW, LARGEST_BORDER = 4e4, 250_000_000
+SLOW, LARGEST_BORDER = 1.5e5, 250_000_000
 
 
 class ReferenceStrains:
