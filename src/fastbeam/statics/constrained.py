@@ -193,7 +193,7 @@ class SaddleSolver(StaticSolver):
         matrix = self._matrix.of(work.blocks, equations, sliding, drag)
         right, gaps = np.zeros(self._multiplier.size), equations.gaps
         r = right[:self.nodes].reshape(n, size)
-        r[:] = model.rows_in(work.r)
+        r[:] = work.r[:8 * n].reshape(n, 8)[:, :size]
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
             r -= 2.0 * x
@@ -237,7 +237,9 @@ class SaddleSolver(StaticSolver):
     def _round_off(self, saddle: Saddle) -> Array:
         """Return the possible round-off in the residuals of the nodes [n]: from loads and contact forces, and from forces in the
         beams."""
-        loads = np.abs(self.core.rows_in(self._all_loads)).reshape(-1)
+        size = len(self.core.dofs)
+        n = self.nodes // size
+        loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:self.nodes])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 

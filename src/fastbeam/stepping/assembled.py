@@ -125,10 +125,10 @@ class MatrixOfBlocks:
         """Forget the structure."""
         self._known, self._matrix = np.zeros(0, np.int64), None
 
-    def place(self, row: Array, column: Array, room: Callable[[], Array] = lambda: NONE) -> bool:
+    def place(self, row: Array, column: Array, spare: Callable[[], Array] = lambda: NONE) -> bool:
         """Find the places of entries at these rows and columns [*]; several may stand at one place.
 
-        room: returns keys, row n + column, of entries that a new structure has room for besides.
+        spare: returns keys, row n + column, of entries that a new structure has besides.
         Returns whether the structure is a new one.
         """
         keys = row.astype(np.int64) * self.n + column
@@ -137,7 +137,7 @@ class MatrixOfBlocks:
         if is_new:
             # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else NONE
-            every = np.sort(np.concatenate((keys, room(), before)))
+            every = np.sort(np.concatenate((keys, spare(), before)))
             self._merge(every[np.flatnonzero(np.diff(every, prepend=-1))])
             place = self._known.searchsorted(keys)
         self._at = self._position[place]
@@ -145,11 +145,16 @@ class MatrixOfBlocks:
 
     def filled(self, blocks: Array, factor: float, value: Array) -> Any:
         """Return the matrix, sparse [n, n], of `factor` times the blocks and the entries that `place` has placed."""
+        data = self._of_blocks(blocks, factor)
+        np.add.at(data, self._at, value)
+        return with_values(self._matrix, data)
+
+    def _of_blocks(self, blocks: Array, factor: float) -> Array:
+        """Return the entries of the structure with `factor` times the blocks."""
         data = blocks[self._source]
         data *= factor
         data[self._added] = 0.0
-        np.add.at(data, self._at, value)
-        return with_values(self._matrix, data)
+        return data
 
 
 class Constraints:
@@ -351,8 +356,13 @@ class SaddleMatrix(MatrixOfBlocks):
         """
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force
+        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row
+        idle = equations.idle.tobytes()
+        if idle != self._idle or not all(map(is_, places, self._last)):
+            self._find_places(equations, equations.tangent.shape[1])
+            self._last, self._idle = places, idle
+        data = self._of_blocks(blocks, 2.0)
         free = sliding.astype(float)
-        dim = equations.tangent.shape[1]
         push = slide.value * free[slide.row]
         tangent = (equations.tangent * free[:, None]).reshape(-1)
         turn = turns.value * free[turns.column]
@@ -361,12 +371,8 @@ class SaddleMatrix(MatrixOfBlocks):
         value = np.concatenate((bent.value, push, -gradient.value, push, diagonal, tangent, turn, -gradient.value, tangent, turn,
                                 -np.ones(equations.idle.size) if equations.idle.size else NO_ENTRIES.value,
                                 rubbing.value * free[rubbing.row], by_force.value * free[by_force.row]))
-        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row
-        idle = equations.idle.tobytes()
-        if idle != self._idle or not all(map(is_, places, self._last)):
-            self._find_places(equations, dim)
-            self._last, self._idle = places, idle
-        return self.filled(blocks, 2.0, value)
+        np.add.at(data, self._at, value)
+        return with_values(self._matrix, data)
 
     def _find_places(self, equations: Equations, dim: int) -> None:
         """Find the places of entries of constraints in the matrix, in the order of `of`."""

@@ -94,13 +94,8 @@ class Stepper:
         check_backend(backend)
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
-        if method.is_compared and model.substructures is not None and model.uncondensed is not None:
-            model = model.uncondensed()
-        elif not static and border_is_slow(model if model.plane is None else model.plane.model):
-            assert model.uneliminated is not None
-            model, in_matrix = model.uneliminated(planar=model.plane is not None), True
-        self.in_matrix = in_matrix and model.n_constraints > 0
-        self.model, self.method, self._static = model, method, static
+        self.in_matrix, self.method, self._static = in_matrix and model.n_constraints > 0, method, static
+        self.model = model = self._form_of(model)
         self.strains = strains or ReferenceStrains()
         self.weights = np.ascontiguousarray(weights, dtype=float)
         start = None if state is None else own_state(model, state)
@@ -152,6 +147,16 @@ class Stepper:
             self.memory = memory
         elif self.along is not None:
             self._start_sliding()
+
+    def _form_of(self, model: Model) -> Model:
+        """Return the form of a model that suits the method and its constraints."""
+        if self.method.is_compared and model.substructures is not None and model.uncondensed is not None:
+            return model.uncondensed()
+        if not self._static and border_is_slow(model if model.plane is None else model.plane.model):
+            assert model.uneliminated is not None
+            self.in_matrix = True
+            return model.uneliminated(planar=model.plane is not None)
+        return model
 
     def _choose_core(self, start: State | None, memory: Array | None) -> None:
         """Choose the model whose equations are solved, that in space or that in its plane, and reduce the start to it."""
