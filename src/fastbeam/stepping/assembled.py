@@ -125,10 +125,10 @@ class MatrixOfBlocks:
         """Forget the structure."""
         self._known, self._matrix = np.zeros(0, np.int64), None
 
-    def place(self, row: Array, column: Array, spare: Callable[[], Array] = lambda: NONE) -> bool:
+    def place(self, row: Array, column: Array, more: Callable[[], Array] = lambda: NONE) -> bool:
         """Find the places of entries at these rows and columns [*]; several may stand at one place.
 
-        spare: returns keys, row n + column, of entries that a new structure has besides.
+        more: returns keys, row n + column, of entries that a new structure has besides.
         Returns whether the structure is a new one.
         """
         keys = row.astype(np.int64) * self.n + column
@@ -137,7 +137,7 @@ class MatrixOfBlocks:
         if is_new:
             # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else NONE
-            every = np.sort(np.concatenate((keys, spare(), before)))
+            every = np.sort(np.concatenate((keys, more(), before)))
             self._merge(every[np.flatnonzero(np.diff(every, prepend=-1))])
             place = self._known.searchsorted(keys)
         self._at = self._position[place]

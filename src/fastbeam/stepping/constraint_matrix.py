@@ -113,10 +113,10 @@ class MatrixIteration(Iteration):
         is_new = self._matrix.place(
             np.concatenate((row, number, corner.reshape(-1), slides, moments.reshape(-1), force)),
             np.concatenate((number, row, corner.transpose(0, 2, 1).reshape(-1), moments.reshape(-1), slides, force)),
-            lambda: self._spare(k, contact.row[k, m]))
+            lambda: self._reach(k, contact.row[k, m]))
         self._is_pure = first or self._is_pure and not is_new
 
-    def _spare(self, k: Array, row: Array) -> Array:
+    def _reach(self, k: Array, row: Array) -> Array:
         """Return keys of entries of sliders k [*], next to their rows, that they reach when they go on."""
         pattern, n, size = self.owner.core.pattern, self._matrix.n, self._size
         moves = k < self.owner.core.n_sliders
