@@ -108,7 +108,9 @@ class SlidingSolver(SaddleSolver):
         if not free.any():
             return NOT_CONVERGED, []
         saved = self._saved()
-        status, sizes = self._newton(free, False)
+        # solutions of a singular matrix, which are refused, may be too large for their norms
+        with np.errstate(over="ignore"):
+            status, sizes = self._newton(free, False)
         way = self.stepper.core_state.s - saved[1]
         if status == OK and np.all(np.abs(way) <= NEWTON_FROM * self.lengths) and self._rises(way):
             return OK, sizes
