@@ -426,7 +426,9 @@ class Factors:
             v, self._least = np.random.default_rng(0).standard_normal(self.matrix.shape[0]), 0.0
             for _ in range(2):
                 v = self.solve_roughly(v)
-                size = float(_norms(v))
+                # those of a singular matrix may be too large
+                with np.errstate(over="ignore"):
+                    size = float(_norms(v))
                 if not 0.0 < size < np.inf:
                     return 0.0
                 v = v / size
