@@ -64,7 +64,7 @@ class MatrixIteration(Iteration):
         self._touched: tuple[Any, ...] = ()
         self._begun: tuple[Any, ...] = ()
         self._is_first = self._is_pure = False
-        self._entries = self._held = self._rows = self._of = np.zeros(0, np.int64)
+        self._entries = self._place = self._rows = self._of = np.zeros(0, np.int64)
         # the constraint whose forces move nothing, -1: none
         self._loose = -1
         rows, within = core.pattern.rows, np.arange(self._size)
@@ -103,7 +103,10 @@ class MatrixIteration(Iteration):
         used = np.broadcast_to(self._unknowns[k][:, None], at.shape)
         row = np.broadcast_to(unknown[:, :, None], at.shape)[used]
         number = np.broadcast_to(self._number[k][:, None], at.shape)[used]
-        self._entries, self._rows, self._of = at[used], row, number - self._nodes
+        self._entries = at[used]
+        # several entries of a constraint may stand in one row, and cancel
+        places, self._place = np.unique(row * self._number.size + number - self._nodes, return_inverse=True)
+        self._rows, self._of = np.divmod(places, self._number.size)
         self._free = ~held[row]
         corner = np.broadcast_to(self._number[:, :, None], (*self._number.shape, self._border))
         pair = contact.pair
@@ -140,7 +143,8 @@ class MatrixIteration(Iteration):
         stiff = np.abs(work.blocks[self._diagonal])
         stiff[stiff == 0.0] = np.inf
         # of the parts that a constraint joins, each unknown alone
-        of_each = np.bincount(self._of, np.abs(column * line) / stiff[self._rows], self._number.size)
+        share = np.bincount(self._place, column) * np.bincount(self._place, line)
+        of_each = np.bincount(self._of, np.abs(share) / stiff[self._rows], self._number.size)
         # and of sliders that have left their beams
         own = np.abs(contact.corner[:, 9 * np.arange(self._border)])
         compliance = np.max(np.where(self._of_force, of_each.reshape(own.shape) + own, 0.0), axis=1)
