@@ -114,7 +114,7 @@ def _sliders(scene: Scene, model: Model) -> Iterator[Line]:
 def _solver(model: Model) -> Line:
     """Tell which solver the equations go to."""
     pattern, run = model.pattern, _solved(model)
-    if border_is_slow(run):
+    if border_is_slow(model):
         constraints = _plural(run.n_constraints, "constraint")
         return "sparse solver", f"PARDISO, nodes and {constraints} in one matrix; SuperLU as fallback"
     if pattern.plan is None:

@@ -9,6 +9,7 @@ from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.adjoint import adjoint as kernels
 from fastbeam.kernels.empty_arrays import aligned_empty
 from fastbeam.linalg.factors import OF_STEP, Factoriser, Factors, factoriser_for
+from fastbeam.model.maps import free_of_rows
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
@@ -37,10 +38,7 @@ class TransposedSolver:
         assert contact is not None
         n, size = len(core.dofs), core.border
         count = len(contact.entries)
-        free = np.ones((core.pattern.n, n))
-        if core.held is not None:
-            seen = core.held.row < core.pattern.n
-            free[core.held.row[seen]] *= 1 - (core.held.mask[seen, None] >> np.arange(n) & 1)
+        free = free_of_rows(core, core.held).reshape(-1, n)
         parts = []
         for of in (contact.column, contact.line):
             out = np.zeros((core.pattern.n, n, count, size))

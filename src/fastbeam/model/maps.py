@@ -157,13 +157,15 @@ def vector_masses(model: Model, without_ropes: bool = False) -> Any:
                              shape=(vectors * n, vectors * n))
 
 
-def free_of_rows(model: Model) -> Array:
-    """Mark unknowns of rows that are free in statics by 1, fixed ones by 0, float64 [n rows]."""
+def free_of_rows(model: Model, held: Any) -> Array:
+    """Mark unknowns of rows that are free by 1, fixed ones by 0, float64 [n rows]; held: fixed unknowns, those of statics
+    (`model.static_held`) or of steps (`model.held`)."""
     size = len(model.dofs)
     free = np.ones((model.pattern.n, size))
-    if model.static_held is not None:
-        fixed = model.static_held.mask[:, None] >> np.arange(size) & 1
-        free[model.static_held.row] *= 1 - fixed
+    if held is not None:
+        # rows that are eliminated come last
+        seen = held.row < model.pattern.n
+        free[held.row[seen]] *= 1 - (held.mask[seen, None] >> np.arange(size) & 1)
     return free.reshape(-1)
 
 
@@ -180,7 +182,8 @@ class RowMap:
     @cached_property
     def free(self) -> Array:
         """Mask with 1 at free unknowns, 0 at fixed ones [m]."""
-        return free_of_rows(self.model if self.axes is None else self.model.plane.model)
+        core = self.model if self.axes is None else self.model.plane.model
+        return free_of_rows(core, core.static_held)
 
     @cached_property
     def ties(self) -> Any:

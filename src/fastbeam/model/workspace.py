@@ -112,9 +112,10 @@ def work_of(model: Model, keep: bool = True, rates: bool = False, strains: Refer
 
 
 def border_is_slow(model: Model) -> bool:
-    """Return whether the dense border of constraints takes longer than a sparse matrix of all nodes and constraints, or much
-    memory."""
-    return not model.by_rows and (model.columns**3 > SLOW * model.n_nodes or model.border_size > LARGEST_BORDER)
+    """Return whether the dense border of constraints, in the plane of the scene where there is one, takes longer than a sparse
+    matrix of all nodes and constraints, or much memory."""
+    core = model if model.plane is None else model.plane.model
+    return not core.by_rows and (core.columns**3 > SLOW * core.n_nodes or core.border_size > LARGEST_BORDER)
 
 
 def scratch_of(model: Model) -> Array:

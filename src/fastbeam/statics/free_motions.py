@@ -18,6 +18,7 @@ import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.linalg.inertia import Nodes, strained
+from fastbeam.model.maps import free_of_rows
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -56,6 +57,14 @@ _KNOWN: WeakKeyDictionary[Model, list[Part]] = WeakKeyDictionary()
 _GROUPS: WeakKeyDictionary[Model, list[_Alike]] = WeakKeyDictionary()
 
 
+def _bound(matrix: Any) -> Callable[[Array], Array]:
+    """Return the function that takes sizes of motions [n] to sums of the largest sizes that the terms of every row could have,
+    those of entries K_ij and sqrt(K_ii K_jj)."""
+    sizes, root = abs(matrix), np.sqrt(np.abs(matrix.diagonal()))
+    there = type(matrix)((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+    return lambda x: sizes @ x + root * (there @ (root * x))
+
+
 class FreeMotions:
     """Motions of one model that nothing resists.
 
@@ -91,13 +100,7 @@ class FreeMotions:
     @cached_property
     def held(self) -> Array:
         """True where unknowns of nodes are fixed by supports or belong to tied nodes, bool [n]."""
-        core, size = self._core, self.nodes.size
-        held = np.zeros(self.nodes.total, bool)
-        if core.held is not None:
-            bits = (core.held.mask[:, None] >> np.arange(size)) & 1 != 0
-            inside = core.held.row < core.pattern.n
-            held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
-        return held
+        return free_of_rows(self._core, self._core.held) == 0.0
 
     @property
     def parts(self) -> list[Part]:
@@ -198,9 +201,7 @@ class FreeMotions:
         columns = 6 * part + np.concatenate([np.tile(np.arange(one.rigid.shape[1]), one.unknowns.size) for one in loose])
         motions = sparse.csr_matrix((np.concatenate([one.rigid.reshape(-1) for one in loose]), (rows, columns)),
                                     shape=(whole.shape[0], 6 * len(loose)))
-        root, most = np.sqrt(np.abs(whole.diagonal())), np.abs(motions).sum(axis=1).A1
-        there = sparse.csr_matrix((np.ones(whole.nnz), whole.indices, whole.indptr), shape=whole.shape)
-        total = abs(whole) @ most + root * (there @ (root * most))
+        total = _bound(whole)(np.abs(motions).sum(axis=1).A1)
         left = sparse.diags(1.0 / np.where(total > 0.0, total, 1.0)) @ whole @ motions
         products = (left.T @ left).tobsr((6, 6))
         of = np.repeat(np.arange(len(loose)), np.diff(products.indptr))
@@ -343,8 +344,7 @@ class _Spins:
         """Return parts whose spins the matrix resists; slack: float64 [n], forces and moments that are neglected besides
         round-off."""
         count, size, _ = self._of.nodes
-        matrix, sizes = self._matrix, abs(self._matrix)
-        there = type(matrix)((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+        matrix, bound = self._matrix, _bound(self._matrix)
         # not the same of all parts, which would hide springs between two of them
         weight = np.random.default_rng(0).uniform(0.5, 1.0, len(self._of.parts) + 1)
         out: list[Array] = []
@@ -355,7 +355,7 @@ class _Spins:
             of_nodes[:count] = np.repeat(np.linalg.norm(spin[:count].reshape(-1, size), axis=1), size)
             moved = of_nodes > 0.0
             left = matrix @ spin
-            own, most = (sizes @ x + self._root * (there @ (self._root * x)) for x in (np.abs(spin), of_nodes))
+            own, most = (bound(x) for x in (np.abs(spin), of_nodes))
             across = np.abs(left) > ACROSS * most + slack
             along, terms = (np.sum(x[:count].reshape(-1, size), axis=1)
                             for x in (spin * left, np.abs(spin) * (NOTHING * own + slack)))

@@ -99,9 +99,14 @@ class MatrixOfBlocks:
         order = keys.argsort()
         self._keys, self._blocks = keys[order], at[order]
         # other entries of the structure, row n + column, and where those last placed stand
-        self._known = np.zeros(0, np.int64)
+        self._known = NONE
         self._at = np.zeros(0, np.int64)
         self._matrix: Any = None
+
+    @property
+    def structure(self) -> Array:
+        """Other entries that the matrix has, one array as long as they are the same."""
+        return self._known
 
     def _merge(self, keys: Array) -> None:
         """Form the structure with other entries at these keys, ascending."""
@@ -123,25 +128,22 @@ class MatrixOfBlocks:
 
     def forget(self) -> None:
         """Forget the structure."""
-        self._known, self._matrix = np.zeros(0, np.int64), None
+        self._known, self._matrix = NONE, None
 
-    def place(self, row: Array, column: Array, more: Callable[[], Array] = lambda: NONE) -> bool:
+    def place(self, row: Array, column: Array, more: Callable[[], Array] = lambda: NONE) -> None:
         """Find the places of entries at these rows and columns [*]; several may stand at one place.
 
         more: returns keys, row n + column, of entries that a new structure has besides.
-        Returns whether the structure is a new one.
         """
         keys = row.astype(np.int64) * self.n + column
         place = np.minimum(self._known.searchsorted(keys), max(self._known.size - 1, 0))
-        is_new = self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys))
-        if is_new:
+        if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
             # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else NONE
             every = np.sort(np.concatenate((keys, more(), before)))
             self._merge(every[np.flatnonzero(np.diff(every, prepend=-1))])
             place = self._known.searchsorted(keys)
         self._at = self._position[place]
-        return is_new
 
     def filled(self, blocks: Array, factor: float, value: Array) -> Any:
         """Return the matrix, sparse [n, n], of `factor` times the blocks and the entries that `place` has placed."""
@@ -169,7 +171,7 @@ class Constraints:
         self.stepper = stepper
         core, self._contact = stepper.core, stepper.contact
         self._terms = Calls(tuple(term for term in stepper.terms if is_constraint(term)), ADDED)
-        self._free = free_of_rows(core) != 0.0
+        self._free = free_of_rows(core, core.static_held) != 0.0
         self.loose: Array | None = None
         self.angles: dict[int, float] = {}
         self._given: Array | None = None

@@ -1,5 +1,5 @@
-"""Newton iterations of scenes with many constraints on nets: one sparse matrix of nodes and constraints, factored by PARDISO
-(theory.md 9).
+"""Newton iterations around one sparse matrix of nodes and constraints, of nets with many constraints, and in the fallback around
+SuperLU (theory.md 9).
 
     K x + C y = -r          C: columns, derivatives of the residual by the unknowns of the constraints
     L x + D y = -g          L: lines, derivatives of their equations by the unknowns of the nodes
@@ -17,6 +17,7 @@ from fastbeam.kernels import loop as kernels
 from fastbeam.linalg.factors import OF_STEP, Factors, factoriser_for, solver_name
 from fastbeam.linalg.linear_system import LinearSystem
 from fastbeam.linalg.pattern import Pattern
+from fastbeam.model.maps import free_of_rows
 from fastbeam.stepping.assembled import MatrixOfBlocks
 from fastbeam.stepping.iteration import Iteration
 
@@ -54,16 +55,15 @@ class MatrixIteration(Iteration):
         assert contact is not None
         self._size, self._border, self._dim = len(core.dofs), core.border, core.dim
         self._matrix = MatrixOfBlocks(core.pattern, self._size, core.border * core.n_constraints)
-        self._nodes, count = self._matrix.nodes, core.n_constraints
+        self._nodes = self._matrix.nodes
         self._of_force = np.arange(self._border) < contact.forces[:, None]
         self._unknowns = np.arange(self._border) < core.unknowns[:, None]
         self._number = self._nodes + contact.first[:, None] + np.arange(self._border)
-        at = np.arange(8)[:self._border]
-        self._corner = (64 * np.arange(count)[:, None, None] + 8 * at[:, None] + at).reshape(-1)
-        # what entries stand for, and did where the structure was begun; whether it is as it was begun
+        # what entries stand for, and did in the first iteration of the last step; the structure that they were given there
         self._touched: tuple[Any, ...] = ()
         self._begun: tuple[Any, ...] = ()
-        self._is_first = self._is_pure = False
+        self._structure: Array | None = None
+        self._is_first = True
         self._entries = self._place = self._rows = self._of = np.zeros(0, np.int64)
         # the constraint whose forces move nothing, -1: none
         self._loose = -1
@@ -81,24 +81,25 @@ class MatrixIteration(Iteration):
         return super().newton(h, max_iterations, largest, stop)
 
     def _look(self) -> None:
-        """Find where entries of the constraints stand."""
-        contact, core, size = self.owner.contact, self.owner.core, self._size
+        """Find where entries of the constraints stand, if that has changed."""
+        contact, core = self.owner.contact, self.owner.core
         inside = np.arange(contact.row.shape[1]) < contact.entries[:, None]
         touched = contact.entries.tobytes(), contact.row[inside].tobytes(), core.held
-        if self._is_first and not (self._is_pure and _same(touched, self._begun)):
+        begins, self._is_first = self._is_first, False
+        if begins and not (self._matrix.structure is self._structure and _same(touched, self._begun)):
             self._matrix.forget()
             self._touched, self._begun = (), touched
-        first, self._is_first = self._is_first, False
-        if _same(touched, self._touched):
-            return
-        self._touched = touched
+        if not _same(touched, self._touched):
+            self._touched = touched
+            self._place_entries(inside)
+        if begins:
+            self._structure = self._matrix.structure
+
+    def _place_entries(self, inside: Array) -> None:
+        """Find where entries of the constraints stand; inside: bool [S, E], those that there are."""
+        contact, core, size = self.owner.contact, self.owner.core, self._size
         k, m = inside.nonzero()
         unknown = size * contact.row[k, m][:, None] + np.arange(size)
-        held = np.zeros(self._nodes, bool)
-        if core.held is not None:
-            seen = core.held.row < core.pattern.n
-            fixed = core.held.mask[seen, None] >> np.arange(size) & 1 != 0
-            held[(size * core.held.row[seen, None] + np.arange(size))[fixed]] = True
         at = (8 * size * (k * contact.row.shape[1] + m))[:, None, None] + 8 * np.arange(size)[:, None] + np.arange(self._border)
         used = np.broadcast_to(self._unknowns[k][:, None], at.shape)
         row = np.broadcast_to(unknown[:, :, None], at.shape)[used]
@@ -107,17 +108,16 @@ class MatrixIteration(Iteration):
         # several entries of a constraint may stand in one row, and cancel
         places, self._place = np.unique(row * self._number.size + number - self._nodes, return_inverse=True)
         self._rows, self._of = np.divmod(places, self._number.size)
-        self._free = ~held[row]
+        self._free = free_of_rows(core, core.held)[row]
         corner = np.broadcast_to(self._number[:, :, None], (*self._number.shape, self._border))
         pair = contact.pair
         slide, moments = self._number[pair[:, 0], self._dim], self._number[pair[:, 1]]
         slides = np.repeat(slide, self._border)
         force = self._number[self._of_force]
-        is_new = self._matrix.place(
+        self._matrix.place(
             np.concatenate((row, number, corner.reshape(-1), slides, moments.reshape(-1), force)),
             np.concatenate((number, row, corner.transpose(0, 2, 1).reshape(-1), moments.reshape(-1), slides, force)),
             lambda: self._reach(k, contact.row[k, m]))
-        self._is_pure = first or self._is_pure and not is_new
 
     def _reach(self, k: Array, row: Array) -> Array:
         """Return keys of entries of sliders k [*], next to their rows, that they reach when they go on."""
@@ -138,7 +138,7 @@ class MatrixIteration(Iteration):
         if not self.is_regular:
             return False
         self._look()
-        column = np.where(self._free, contact.column.reshape(-1)[self._entries], 0.0)
+        column = self._free * contact.column.reshape(-1)[self._entries]
         line = contact.line.reshape(-1)[self._entries]
         stiff = np.abs(work.blocks[self._diagonal])
         stiff[stiff == 0.0] = np.inf
@@ -146,7 +146,9 @@ class MatrixIteration(Iteration):
         share = np.bincount(self._place, column) * np.bincount(self._place, line)
         of_each = np.bincount(self._of, np.abs(share) / stiff[self._rows], self._number.size)
         # and of sliders that have left their beams
-        own = np.abs(contact.corner[:, 9 * np.arange(self._border)])
+        border, corner = self._border, contact.corner.reshape(-1, 8, 8)
+        corner = corner[:, :border, :border]
+        own = np.abs(np.diagonal(corner, axis1=1, axis2=2))
         compliance = np.max(np.where(self._of_force, of_each.reshape(own.shape) + own, 0.0), axis=1)
         self._loose = int(np.argmin(compliance)) if not np.all(compliance > contact.augmented[1]) else -1
         if self._loose >= 0:
@@ -155,10 +157,9 @@ class MatrixIteration(Iteration):
         soft = (contact.augmented[0] * contact.softness * compliance)[:, None]
         before = np.zeros(self._number.shape)
         before[self._of_force] = contact.augmented[2] * owner.core_state.force
-        border = self._border
         cross = contact.cross[:, :, :border]
-        value = np.concatenate((column, line, contact.corner.reshape(-1)[self._corner], cross[:, 0].reshape(-1),
-                                cross[:, 1].reshape(-1), np.broadcast_to(soft, self._number.shape)[self._of_force]))
+        value = np.concatenate((column, line, corner.reshape(-1), cross[:, 0].reshape(-1), cross[:, 1].reshape(-1),
+                                np.broadcast_to(soft, self._number.shape)[self._of_force]))
         right = np.concatenate((work.panel[:self._nodes], (contact.residual[:, :border] + soft * before).reshape(-1)))
         x = Factors(self._matrix.filled(work.blocks, 1.0, value), owner.linear.factoriser, OF_STEP).solve(-right)
         if x is None:

@@ -152,7 +152,7 @@ class Stepper:
         """Return the form of a model that suits the method and its constraints."""
         if self.method.is_compared and model.substructures is not None and model.uncondensed is not None:
             return model.uncondensed()
-        if not self._static and border_is_slow(model if model.plane is None else model.plane.model):
+        if not self._static and border_is_slow(model):
             assert model.uneliminated is not None
             self.in_matrix = True
             return model.uneliminated(planar=model.plane is not None)
