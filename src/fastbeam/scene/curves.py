@@ -143,8 +143,10 @@ class FittedCurve:
         tail = float(np.max(np.abs(coef[-3:])))
         speed_tail = float(np.max(np.abs((TO_COEF @ speed)[-3:])))
         reach, span = float(np.max(np.abs(points))), float(np.max(np.ptp(points, axis=0)))
-        # coefficients that are round-off of the given values would only spoil derivatives
-        used = np.nonzero(np.max(np.abs(coef), axis=1) > 2 * EPS * reach)[0]
+        # coefficients that are round-off of the given values would only spoil derivatives, by the square of their degree
+        sizes = np.max(np.abs(coef), axis=1)
+        floor = float(np.max(sizes[-8:]))
+        used = np.nonzero(sizes > (4 * floor if floor < 16 * EPS * reach else 2 * EPS * reach))[0]
         coef[int(used[-1]) + 1 if used.size else 0:] = 0.0
         resolved = (tail <= max(2e-15 * span, 4 * EPS * reach)
                     and speed_tail <= max(1e-13 * float(np.max(speed)), 200 * EPS * reach))
