@@ -138,16 +138,17 @@ class FittedCurve:
         t[0], t[-1] = a, b
         points = np.array([checks.vector(self.who, f"curve({x:.6g})", checks.called(self.who, "curve", curve, float(x)))
                            for x in t])
-        coef = TO_COEF @ points
-        speed = np.linalg.norm(DERIVE @ points, axis=1)
+        # far from the origin sums would round by the distance from it; derivatives multiply that by the square of the degree
+        near = points - points[-1]
+        coef = TO_COEF @ near
+        speed = np.linalg.norm(DERIVE @ near, axis=1)
         tail = float(np.max(np.abs(coef[-3:])))
         speed_tail = float(np.max(np.abs((TO_COEF @ speed)[-3:])))
         reach, span = float(np.max(np.abs(points))), float(np.max(np.ptp(points, axis=0)))
-        # coefficients that are round-off of the given values would only spoil derivatives, by the square of their degree
-        sizes = np.max(np.abs(coef), axis=1)
-        floor = float(np.max(sizes[-8:]))
-        used = np.nonzero(sizes > (4 * floor if floor < 16 * EPS * reach else 2 * EPS * reach))[0]
+        # coefficients that are round-off of the given values would only spoil derivatives
+        used = np.nonzero(np.max(np.abs(coef), axis=1) > 2 * EPS * reach)[0]
         coef[int(used[-1]) + 1 if used.size else 0:] = 0.0
+        coef[0] += points[-1]
         resolved = (tail <= max(2e-15 * span, 4 * EPS * reach)
                     and speed_tail <= max(1e-13 * float(np.max(speed)), 200 * EPS * reach))
         # noise of the given function: halving no longer helps
