@@ -94,7 +94,7 @@ class Stepper:
         check_backend(backend)
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
-        self.in_matrix, self.method, self._static = in_matrix and model.n_constraints > 0, method, static
+        self.in_matrix, self.method, self._static = in_matrix, method, static
         self.model = model = self._form_of(model)
         self.strains = strains or ReferenceStrains()
         self.weights = np.ascontiguousarray(weights, dtype=float)
@@ -169,6 +169,8 @@ class Stepper:
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         core, self.supports = own_supports(core, self.core_state, self._static)
         self.core = core
+        # a plane may leave none of the constraints
+        self.in_matrix = self.in_matrix and core.n_constraints > 0
 
     def _make_arrays(self) -> None:
         """Make the work arrays of nodes and constraints."""
