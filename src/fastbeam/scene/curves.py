@@ -246,7 +246,8 @@ class FittedCurve:
             step, x = np.max(np.abs(new - x), initial=0.0), new
             if step < 4 * EPS:
                 break
-        return panel, x
+        # ends to the last bit
+        return panel, np.where(target <= 0.0, -1.0, np.where(target >= np.sum(coef, axis=1), 1.0, x))
 
     def _reference(self, s: Array) -> tuple[Array, Array]:
         panel, x = self._locate(s)

@@ -161,8 +161,10 @@ class MatrixIteration(Iteration):
         value = np.concatenate((column, line, corner.reshape(-1), cross[:, 0].reshape(-1), cross[:, 1].reshape(-1),
                                 np.broadcast_to(soft, self._number.shape)[self._of_force]))
         right = np.concatenate((work.panel[:self._nodes], (contact.residual[:, :border] + soft * before).reshape(-1)))
-        x = Factors(self._matrix.filled(work.blocks, 1.0, value), owner.linear.factoriser, OF_STEP).solve(-right)
-        if x is None:
+        factors = Factors(self._matrix.filled(work.blocks, 1.0, value), owner.linear.factoriser, OF_STEP)
+        x = factors.solve(-right)
+        # without the augmented Lagrangian nothing decides between forces of dependent constraints
+        if x is None or contact.augmented[0] == 0.0 and factors.is_singular:
             return False
         work.panel[:self._nodes], work.y[:] = x[:self._nodes], x[self._nodes:]
         left = np.abs(soft * (work.y.reshape(before.shape) + before))
