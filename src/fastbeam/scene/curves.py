@@ -233,10 +233,11 @@ class FittedCurve:
         """Find panel and local coordinate x in [-1, 1] of every arc length: Newton, kept in a shrinking bracket."""
         panel = np.clip(np.searchsorted(self._s_ends, s, side="right") - 1, 0, len(self._coef) - 1)
         coef = self._s_coef[panel]
-        target = np.clip(s - self._s_ends[panel], 0.0, np.sum(coef, axis=1))
+        whole = np.sum(coef, axis=1)
+        target = np.clip(s - self._s_ends[panel], 0.0, whole)
         slope = chebyshev.chebder(coef, axis=1)
         low, high = np.full(s.shape, -1.0), np.full(s.shape, 1.0)
-        x = 2.0 * target / np.sum(coef, axis=1) - 1.0
+        x = 2.0 * target / whole - 1.0
         for _ in range(60):
             miss = _clenshaw(coef, x) - target
             low, high = np.where(miss <= 0.0, x, low), np.where(miss >= 0.0, x, high)
@@ -247,7 +248,7 @@ class FittedCurve:
             if step < 4 * EPS:
                 break
         # ends to the last bit
-        return panel, np.where(target <= 0.0, -1.0, np.where(target >= np.sum(coef, axis=1), 1.0, x))
+        return panel, np.where(target <= 0.0, -1.0, np.where(target >= whole, 1.0, x))
 
     def _reference(self, s: Array) -> tuple[Array, Array]:
         panel, x = self._locate(s)
