@@ -18,11 +18,12 @@ TABLES = {
         Analysis.CATCHING, Analysis.INNER, Analysis.POINT_INSIDE,
         Analysis.ADJOINT),
     "Equilibria": (
-        Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.STICK, Analysis.SENSITIVITY,
+        Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.STICK,
+        Analysis.BUCKLING, Analysis.SENSITIVITY,
         Analysis.AT_TIME, Analysis.TIME_SPAN, Analysis.TWO_TIMES, Analysis.TIMELESS_LOADS, Analysis.TIMELESS,
         Analysis.TIMELESS_SHAPES),
     "Vibration and steady motion": (
-        Analysis.MODES, Analysis.DAMPED, Analysis.STEADY, Analysis.TRAVEL, Analysis.TIMELESS_MODES)}
+        Analysis.MODES, Analysis.DAMPED, Analysis.LOSS_FACTOR, Analysis.STEADY, Analysis.TRAVEL, Analysis.TIMELESS_MODES)}
 WORKS = "+"
 
 

@@ -213,7 +213,7 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
     model = model.with_features(
         _sliding(scene, nodes, joints, len(unpacked.kept)), slider_forces_of(scene.sliders),
         SleeveContact(scene.sleeves) if scene.sleeves else None, twist_friction_of(scene),
-        LoadAccount() if _accounts_loads(unpacked) else None, damped_of(scene, nodes), *links.features,
+        LoadAccount() if _accounts_loads(unpacked) else None, damped_of(scene, nodes), unpacked.nonlinear, *links.features,
         unpacked.prescribed, released,
         Crossings() if scene.knots else None, Controllers(tuple(scene.controllers)) if scene.controllers else None,
         CarriedSliders() if model.carriers is not None else None)

@@ -63,7 +63,7 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 
 
 def _plane_of(unpacked: Unpacked) -> Plane:
-    features = [x for x in (*unpacked.numbered.links.features, unpacked.dragged) if x is not None]
+    features = [x for x in (*unpacked.numbered.links.features, unpacked.dragged, unpacked.nonlinear) if x is not None]
     for lack, names in told(Analysis.PLANAR, features):
         raise NotPlanar(lack.text.format(name=names[0]))
     within, across = _vectors(unpacked)
@@ -361,7 +361,7 @@ def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane, strain
             constants, viscosity, own = (np.concatenate(x) for x in zip(*(
                 _group_tables(parts[k][0], parts[k][1].reshape(-1, 8)[some[part_of == k] - begins[k]].reshape(-1), plane)
                 for k in np.unique(part_of))))
-            meta[some, CONSTANTS] = pool.constants(constants, viscosity if packer.is_damped else None)
+            meta[some, CONSTANTS] = pool.constants(constants, [viscosity] if packer.is_damped else [])
             meta[some, REFERENCE] = strains.append(own)
     meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
     return ElementTables(meta, pool.array(), tables.nodes, tables.rows, tables.blocks)

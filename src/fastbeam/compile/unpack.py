@@ -14,6 +14,7 @@ from fastbeam.kernels.state import State
 from fastbeam.model.connections import Connections
 from fastbeam.model.forces.added_mass import Added, added_of
 from fastbeam.model.forces.damping_and_drag import Dragged, dragged_of
+from fastbeam.model.forces.nonlinear_sections import NonlinearSections, nonlinear_of
 from fastbeam.model.joints.constraints import ConstrainedJoint
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import PrescribedMotions, prescribed_of
@@ -66,6 +67,7 @@ class Unpacked:
     notes: tuple[tuple[str, str], ...]  # events of the initial velocities: kinds and texts
     prescribed: PrescribedMotions | None  # supports that move
     dragged: Dragged | None  # nodes with drag
+    nonlinear: NonlinearSections | None  # sections with laws
     added: Added | None  # nodes with added mass
 
     @property
@@ -92,7 +94,7 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     found = Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, (),
-                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
+                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements), nonlinear_of(scene),
                      added_of(scene, nodes, elements))
     if known is not None:
         return found

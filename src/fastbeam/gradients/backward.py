@@ -22,7 +22,6 @@ from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.state import aligned
 from fastbeam.kernels.terms import Loads, NoTies
-from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.forces.loads import load_factors, mean_factors
 from fastbeam.model.maps import vector_masses
 from fastbeam.model.model import Model
@@ -183,7 +182,7 @@ class Backward:
         core = self.core
         strains, inertias = (6, 3) if self.plane is None else (3, 2)
         out = []
-        for kind, tables in zip(strain_sets(core), (core.simo, core.green)):
+        for kind, tables in zip(core.strain_sets(), (core.simo, core.green)):
             if tables is not None:
                 groups = len(tables.meta)
                 viscous = core.damped is not None and _name(kind) in core.damped.strains

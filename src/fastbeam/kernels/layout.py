@@ -22,6 +22,8 @@ POSITION, ARM, TRIAD = range(3)
 
 # in the tables of damped sections D stands ahead of C, from which offsets count: 6 x 6, in a plane 3 x 3
 VISCOSITY, VISCOSITY_IN_PLANE = -36 * 8, -9 * 8
+# numbers of a nonlinear section for each strain, ahead of D and C
+PARAMETERS = 4
 
 # distance of nodes in the table of a quadrature point, behind its weight: phi_s, dir, dir_s of each
 NODE_TABLE = 24
@@ -53,7 +55,9 @@ MIDDLE, END, STRAINS, BEFORE, STEP, TEMPORARY = 0, Z, 2 * Z, 2 * Z + 56, 3 * Z +
 # behind the strains, half their change in the step, of damped sections
 HALF_CHANGE = 56
 POINT_PRODUCTS = 2 * Z
-POINT_SCRATCH = POINT_PRODUCTS + (49 + 9 + 18 + 18) * 8
+POINT_SCRATCH = POINT_PRODUCTS + (49 + 9 + 18 + 18 + 12) * 8
+# last of it, of nonlinear sections: six added stresses, and six moduli
+ADDED, MODULI = POINT_SCRATCH - 12 * 8, POINT_SCRATCH - 6 * 8
 # behind it, of every pair of nodes a < b, vectors of the middle, then of the end: three for twist and curvatures, one for the
 # lengths of directors
 TWISTS = 12 * 8

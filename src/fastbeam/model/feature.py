@@ -127,6 +127,10 @@ class Feature:
         """Return the terms that the feature adds to a run, and their order."""
         return ()
 
+    def section_law(self, strain: str, law: Any, static: bool) -> Any:
+        """Return the law of beams with a strain set, from that which the features before it make; static: of an equilibrium."""
+        return law
+
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """Return a table of links with the arrays of a run where the feature knows it, else unchanged."""
         return table

@@ -3,12 +3,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, reduce
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 
+from fastbeam.kernels.beams.section_laws import ELASTIC
+from fastbeam.kernels.beams.strain_measures import GreenLagrange, SimoReissner
 from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import LoadVectors
@@ -157,6 +159,12 @@ class WithFeatures:
     def laws(self) -> dict[type, Any]:
         """User laws, failed_laws.Lawful, by the kinds of tables that call them."""
         return {kind: lawful for feature in self.features for kind, lawful in feature.called_laws.items()}
+
+    def strain_sets(self, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
+        """Return the strain sets with the section laws of the features; static: of an equilibrium, without damping."""
+        simo, green = (reduce(lambda law, feature: feature.section_law(name, law, static), self.features, ELASTIC)
+                       for name in ("simo_reissner", "green_lagrange"))
+        return SimoReissner(simo), GreenLagrange(green)
 
     # --- places in the history ----------------------------------------------------------------------------------------
     @cached_property

@@ -1,6 +1,7 @@
 """Lane tables of the element kernels: groups of 8 elements, each constant next to where it is used."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,9 +12,10 @@ from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner, NoColumns, store_size
 from fastbeam.kernels.contact.curves import FIRST_NODE, Curves, Paths
-from fastbeam.kernels.layout import CONSTANTS, FACTORS, REFERENCE, layout_of
+from fastbeam.kernels.layout import CONSTANTS, FACTORS, PARAMETERS, REFERENCE, layout_of
 from fastbeam.kernels.linalg.substructures import Substructures, place_stores
 from fastbeam.kernels.state import aligned
+from fastbeam.model.forces.nonlinear_sections import parameters_of
 from fastbeam.scene import Beam, Net
 from fastbeam.scene.interpolation.basis import build_basis
 
@@ -47,6 +49,8 @@ class Elements:
     directors: Array
     # float64 [*, 6], optional: strains in the reference, one row for the beam or for every element; None: free of stress
     start_strain: Array | None = None
+    # float64 [*, 6 * PARAMETERS], optional: numbers of the laws of every section; None: all are linear
+    parameters: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -84,13 +88,14 @@ def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> E
                         unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
                         np.array([s.D for s in part.sections]), np.array([s.inertia for s in part.sections]), section_of,
                         np.array([s.couples for s in part.sections])[section_of], phi, directors,
-                        np.repeat(part.start_strains, part.elements, axis=0) if part.is_strained else None)
+                        np.repeat(part.start_strains, part.elements, axis=0) if part.is_strained else None,
+                        parameters_of(part.sections))
     basis, section = part.basis, part.section
     none = np.zeros(basis.n_elements, np.int64)
     coupled = np.full(basis.n_elements, section.couples)
     return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
                     basis.mass_dir, section.C[None], section.D[None], np.array([section.inertia]), none, coupled, phi, directors,
-                    part.start_strain[None] if part.prestrain or part.prestress else None)
+                    part.start_strain[None] if part.prestrain or part.prestress else None, parameters_of([section]))
 
 
 def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
@@ -203,12 +208,10 @@ class TablePool:
         own = np.unique(first)
         return self.append(rows[own])[np.searchsorted(own, first)]
 
-    def constants(self, rows: Array, viscosity: Array | None) -> Array:
-        """Add shared rows of constants; returns the offset of C of each group; viscosity: [groups, *, 8], stands ahead of C."""
-        if viscosity is None:
-            return self.share(rows)
-        ahead = viscosity.reshape(len(rows), -1)
-        return self.share(np.concatenate((ahead, rows), axis=1)) + ahead.shape[1]
+    def constants(self, rows: Array, ahead: Sequence[Array]) -> Array:
+        """Add shared rows of constants; returns the offset of C of each group; ahead: [groups, *, 8] each, stand ahead of C."""
+        parts = [x.reshape(len(rows), -1) for x in ahead]
+        return self.share(np.concatenate((*parts, rows), axis=1) if parts else rows) + sum(x.shape[1] for x in parts)
 
     def array(self) -> Array:
         """Return all tables as one array."""
@@ -257,6 +260,11 @@ class ElementPacker:
     def is_damped(self) -> bool:
         """True if a section has damping; then all tables have a place for it."""
         return any(elements.viscosity.any() for elements, _ in self.parts)
+
+    @property
+    def is_nonlinear(self) -> bool:
+        """True if a section has a law; then all tables have a place for its numbers."""
+        return any(elements.parameters is not None for elements, _ in self.parts)
 
     def lanes(self) -> Any:
         """Yield (meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net that is not condensed."""
@@ -327,8 +335,13 @@ class ElementPacker:
                 section = elements.section[lane].reshape(groups, 8)
                 constants = group_tables(elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
                                          elements.inertia[section].transpose(0, 2, 1))
-                viscosity = elements.viscosity.reshape(-1, 36)[section].transpose(0, 2, 1)
-                meta[some, CONSTANTS] = pool.constants(constants, viscosity if self.is_damped else None)
+                ahead = []
+                if self.is_nonlinear:
+                    of = np.zeros((1, 6 * PARAMETERS)) if elements.parameters is None else elements.parameters
+                    ahead.append(np.broadcast_to(of, (len(elements.stiffness), 6 * PARAMETERS))[section].transpose(0, 2, 1))
+                if self.is_damped:
+                    ahead.append(elements.viscosity.reshape(-1, 36)[section].transpose(0, 2, 1))
+                meta[some, CONSTANTS] = pool.constants(constants, ahead)
                 own = elements.reference_strains[lane].reshape(groups, 8, -1)
                 meta[some, REFERENCE] = strains.append(own.transpose(0, 2, 1).reshape(groups, -1))
         nodes = np.concatenate(self.nodes)

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, field
+from dataclasses import KW_ONLY, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -47,7 +47,27 @@ MATERIAL = {"E": Number(above=0.0, unit="N/m^2"), "G": Number(above=0.0, unit="N
             "nu": Number(), "shear_factor": FACTOR, "damping": DAMPING, "name": Word()}
 
 
-@checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
+class SectionLaw:
+    """Base class for laws of sections from outside the package: stresses added to C E, each a function of its strain
+    (docs/extending.md)."""
+
+    kind: ClassVar[str] = "section law"  # noun in messages
+    term: ClassVar[Any] = None  # instance of the named tuple for which the kernels of the law are registered
+
+    @property
+    def parameters(self) -> Array:
+        """Numbers of the kernels for each strain (6, 4), in the order of C; a strain with zeros has no added stress."""
+        raise NotImplementedError(f"{type(self).__name__}.parameters: return an array (6, 4)")
+
+
+def as_law(value: Any) -> SectionLaw:
+    """Check of a section law."""
+    if not isinstance(value, SectionLaw):
+        raise Refusal(f"must be an object of a class derived from fastbeam.extend.SectionLaw, got {shown(value)}")
+    return value
+
+
+@checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word(), law=as_law)
 @noun
 class Section:
     """Stiffness and inertia of a cross-section; d2 and d3 are its principal axes, X2 and X3 the coordinates along them.
@@ -67,6 +87,8 @@ class Section:
         symmetric, not negative, N s to N m^2 s.
     name : str
         Shown in messages.
+    law : SectionLaw, optional
+        Law from outside the package with stresses that are nonlinear in the strains, in addition to C E (docs/extending.md).
 
     Raises
     ------
@@ -88,8 +110,13 @@ class Section:
     rhoI3: float
     damping: Takes[ArrayLike, float | Array] = 0.0
     name: str = ""
+    law: SectionLaw | None = None
     _matrix: Array | None = field(default=None, repr=False)
     _outline: tuple[float, float, bool] | None = field(default=None, repr=False)
+
+    def with_law(self, law: SectionLaw) -> Section:
+        """Return the section with a law that adds stresses. Raises SceneError: it is no `SectionLaw`."""
+        return replace(self, law=law)
 
     @property
     def C(self) -> Array:

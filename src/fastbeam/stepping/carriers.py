@@ -22,7 +22,6 @@ from fastbeam.kernels.linalg.carriers import GroupRows
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.terms import Equilibrium, NoTies, System
 from fastbeam.linalg.pattern import Pattern, ascending
-from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.model import Model
 from fastbeam.stepping.constraint_rows import couplings_of, with_capacity
 
@@ -180,7 +179,7 @@ class Group:
         self.constraints = np.concatenate((self.sliders, moments))
         self.group_rows = GroupRows(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
                                     np.zeros(0, np.int32), np.zeros(1, np.int64))
-        sets = strain_sets(model, isinstance(owner.system.method, Equilibrium))
+        sets = model.strain_sets(isinstance(owner.system.method, Equilibrium))
         elements, keys = _elements_of(model, g, row_of, n, sets)
         block = np.append(np.searchsorted(keys, np.arange(n) * (n + 1)), keys.size)
         # what slides

@@ -31,7 +31,6 @@ from fastbeam.kernels.linalg import substructures as beams
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from fastbeam.kernels.state import follow_increment, start_increment
 from fastbeam.kernels.terms import Equilibrium, advance_nodes, apply_ties, assemble, predict_nodes
-from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.workspace import condensed_of, scratch_of
 from fastbeam.stepping.carriers import Group, Shared, Workspace
 from fastbeam.stepping.iteration import Iteration
@@ -156,7 +155,7 @@ class CondensedIteration(Iteration):
         self._groups: list[tuple[ElementTables, Any, Chunk]] = []
         done = 0
         self._at_rest = isinstance(owner.system.method, Equilibrium)
-        for tables, groups, strains in zip((model.simo, model.green), parts, strain_sets(model, self._at_rest)):
+        for tables, groups, strains in zip((model.simo, model.green), parts, model.strain_sets(self._at_rest)):
             n = 0 if tables is None else model.others(tables, groups)
             if tables is not None and n:
                 inner = NoInner() if owner.inner is None else owner.inner

@@ -16,7 +16,7 @@ from fastbeam.kernels.jit.calls import Unknown
 from fastbeam.kernels.state import State, Work
 from fastbeam.kernels.terms import NoContact, SolverOutside, System
 from fastbeam.model.feature import OfRun, Stand
-from fastbeam.model.forces.damping_and_drag import COEFFICIENTS, strain_sets
+from fastbeam.model.forces.damping_and_drag import COEFFICIENTS
 from fastbeam.model.forces.user_forces import ON_NODES
 from fastbeam.model.model import Model
 
@@ -29,7 +29,7 @@ def terms_of(run: OfRun) -> tuple[Any, ...]:
     terms: list[tuple[Stand, Any]] = [part for feature in model.features for part in feature.terms(run)]
     inner = NoInner() if run.inner is None else run.inner
     terms += [(Stand.BEAMS, Beams(strains, tables, inner))
-              for strains, tables in zip(strain_sets(model, run.static), (model.simo, model.green)) if tables is not None]
+              for strains, tables in zip(model.strain_sets(run.static), (model.simo, model.green)) if tables is not None]
     for table in model.links:
         for feature in model.features:
             table = feature.link_of_run(table, run)

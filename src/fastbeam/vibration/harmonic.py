@@ -15,6 +15,7 @@ from fastbeam.interface.synonyms import known
 from fastbeam.kernels.state import State
 from fastbeam.linalg.dynamic_stiffness import PUSHED, DynamicStiffness, with_still
 from fastbeam.linalg.eigen import Eigen, Pencil, Shifted, SingularError
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.model.supports import check_turned, standing_supports, supported
 from fastbeam.results.observe.observer import POINTS
@@ -128,6 +129,8 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
         raise SceneError(f"frequency_response, frequencies: must be 1 to {MOST_FREQUENCIES} numbers >= 0 Hz, got "
                          f"{shown(frequencies)}")
     damping_ratio, loss_factor = float(damping_ratio), float(loss_factor)
+    if loss_factor:
+        require(Analysis.LOSS_FACTOR, model)
     places = {name: place_of(model, name, what) for name, what in (points or {}).items()}
     found = equilibrium_of("frequency_response", about, LEAST, backend, state)
     moved, vectors = _base(model, base, about.q[:, 0])

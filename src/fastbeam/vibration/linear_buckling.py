@@ -29,9 +29,10 @@ from fastbeam.linalg.arnoldi import nearest
 from fastbeam.linalg.eigen import BLOCK, NOISE, SingularError, grown
 from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import which_times
 from fastbeam.model.maps import velocity_map
-from fastbeam.model.model import Model
+from fastbeam.model.model import Model, check_model
 from fastbeam.model.tables import strain_gradient
 from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.mode_shapes import Motions, check_number
@@ -180,6 +181,8 @@ def critical_loads(model: Model, *, state: State | None = None, load_factor: flo
     ConvergenceError
         The tangent of the state is singular, or the load factors were not found.
     """
+    check_model("critical_loads", model)
+    require(Analysis.BUCKLING, model)
     begun = begin_path("critical_loads", model, state, load_factor, at_time, held, moves, prestrains, backend)
     solver = begun.solver.judge
     if not solver.balanced():

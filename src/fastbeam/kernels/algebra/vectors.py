@@ -366,6 +366,7 @@ vst_matrix, vadd_matrix = make_store_matrix(vec, False), make_store_matrix(vec, 
 vzero, vzero3, vzerom = make_zero(vec, 1), make_zero(vec, 3), make_zero(vec, 9)
 vld2, vst2, vadd2, vzero2 = make_load(vec, 2), make_store(vec, 2, False), make_store(vec, 2, True), make_zero(vec, 2)
 # one lane
+ld1, st1 = make_load(f8, 1), make_store(f8, 1, False)
 ld2, st2, add2, zero2 = make_load(f8, 2), make_store(f8, 2, False), make_store(f8, 2, True), make_zero(f8, 2)
 ld3, st3, add3 = make_load(f8, 3), make_store(f8, 3, False), make_store(f8, 3, True)
 add_matrix = make_store_matrix(f8, True)

@@ -53,7 +53,7 @@ from fastbeam.kernels.beams.motions import (
     needs_increment,
     pair_mass_factor,
 )
-from fastbeam.kernels.beams.section_laws import tangent_law
+from fastbeam.kernels.beams.section_laws import put_added, tangent_law
 from fastbeam.kernels.beams.strain_measures import (
     add_director_forces,
     add_forces,
@@ -227,6 +227,7 @@ def evaluate_point_in_space(dofs, method, strains, constants, reference, g, scra
     interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
     interpolate(constants, to, at.nn, at.node, scratch, 96, zo + END)
     mean_strains(method, strains, reference, 48 * g, scratch, zo, ao)
+    put_added.call(strains.law, constants, scratch, zo)
     stresses(strains.law, strains, constants, to, case.coupled, scratch, zo + STRAINS, po, ao)
     add_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, po, at.forces)
     if case.mixed:

@@ -183,14 +183,14 @@ def position_rows(scratch, z, out):
 
 
 @kernel
-def multiply_rows(law, constants, half_w, coupled, scratch, rows, out):
+def multiply_rows(law, constants, half_w, coupled, scratch, zo, rows, out):
     """Form half_w times C, or C + 2 D/h, times six vectors."""
     for i in range(6):
         j0 = 0 if coupled else i
         j1 = 6 if coupled else i + 1
         x = vzero3()
         for j in range(j0, j1):
-            x += (half_w * modulus.call(law, constants, 48 * i + 8 * j)) * vld3(scratch, rows + 24 * j, 8)
+            x += (half_w * modulus.call(law, constants, 48 * i + 8 * j, scratch, zo)) * vld3(scratch, rows + 24 * j, 8)
         vst3(scratch, out + 24 * i, 8, x)
 
 
@@ -206,7 +206,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     tm = ct + 144
     half_w = 0.5 * vld(constants, to, 0)
     position_rows(scratch, z_end, tm)
-    multiply_rows(strains.law, constants, half_w, coupled, scratch, tm, ct)
+    multiply_rows(strains.law, constants, half_w, coupled, scratch, at.blocks, tm, ct)
     position_rows(scratch, z_mid, tm)
     for a in range(at.nn):
         t = to + 8 + NODE_TABLE * a
@@ -214,7 +214,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
         b = po + POINT_NODES + POINT_NODE * a
         strain_rows(scratch, z_mid, at.node * a, n, dn, b)
         strain_rows(scratch, z_end, at.node * a + 96, n, dn, re)
-        multiply_rows(strains.law, constants, half_w, coupled, scratch, re, b + PRODUCTS)
+        multiply_rows(strains.law, constants, half_w, coupled, scratch, at.blocks, re, b + PRODUCTS)
         tr = vzerom()
         rt = vzerom()
         for i in range(6):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fastbeam.kernels.algebra.native import vld, vst
+from fastbeam.kernels.algebra.native import vld, vst, vzero
 from fastbeam.kernels.algebra.vectors import component0, component1, component2, triple
 from fastbeam.kernels.beams.motions import OverStep
 from fastbeam.kernels.jit.decorators import inlined
@@ -125,6 +125,29 @@ def stress_of(law, constants, k, scratch, e):
     C."""
 
 
+@generic
+def put_added(law, constants, scratch, zo):
+    """Store stresses that a section adds to those of `stress_of`, and their moduli, from the strains and half their change at
+    zo."""
+
+
+@put_added.register(object)
+@inlined
+def put_none(law, constants, scratch, zo):
+    pass
+
+
+@generic
+def added_stress(law, scratch, eo, i):
+    """Return the stress that a section adds to stress i of `stress_of`; eo: of the strains."""
+
+
+@added_stress.register(object)
+@inlined
+def no_stress(law, scratch, eo, i):
+    return vzero()
+
+
 @stress_of.register(Elastic)
 @inlined
 def elastic_stress(law, constants, k, scratch, e):
@@ -157,25 +180,26 @@ def filtered_tangent_stress(law, constants, k, scratch, e):
 
 
 @generic
-def modulus(law, constants, k):
-    """Return twice the derivative of the mean stress by a strain at the end of the step: C, or C + 2 D/h; k: offset in C."""
+def modulus(law, constants, k, scratch, zo):
+    """Return twice the derivative of the mean stress by a strain at the end of the step: C, or C + 2 D/h; k: offset in C; zo: of
+    the numbers of the point."""
 
 
 @modulus.register(Elastic)
 @inlined
-def elastic_modulus(law, constants, k):
+def elastic_modulus(law, constants, k, scratch, zo):
     return vld(constants, k, 0)
 
 
 @modulus.register(KelvinVoigt)
 @inlined
-def viscous_modulus(law, constants, k):
+def viscous_modulus(law, constants, k, scratch, zo):
     return vld(constants, k, 0) + law.rate * vld(constants, VISCOSITY + k, 0)
 
 
 @modulus.register(Filtered)
 @inlined
-def filtered_modulus(law, constants, k):
+def filtered_modulus(law, constants, k, scratch, zo):
     return (1.0 + law.more) * vld(constants, k, 0)
 
 

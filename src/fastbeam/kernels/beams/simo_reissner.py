@@ -312,7 +312,7 @@ def form_rows(scratch, z, q, n, dn, out):
 
 
 @kernel
-def form_stiffness(law, constants, to, scratch, so, ao, out):
+def form_stiffness(law, constants, to, scratch, zo, so, ao, out):
     """Form D of theory.md (4.8), d sbar = D dQ_end, 7 x 7 lanes by rows, for a section whose C is diagonal: only the block of the
     first three forms and that of the last four are filled."""
     end = ao + SHAPE
@@ -320,17 +320,17 @@ def form_stiffness(law, constants, to, scratch, so, ao, out):
     axial = 0.5 * vld(scratch, so, 0)
     g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); over = vld(scratch, ao + 16, 0)
     h2 = vld(scratch, end, 0); h3 = vld(scratch, end + 8, 0); over_end = vld(scratch, end + 16, 0)
-    y = over * over_end * (half_w * modulus.call(law, constants, 0) - axial)
+    y = over * over_end * (half_w * modulus.call(law, constants, 0, scratch, zo) - axial)
     y2 = vzero() - y * h2; y3 = vzero() - y * h3
     vst(scratch, out, 0, y); vst(scratch, out + 8, 0, y2); vst(scratch, out + 16, 0, y3)
     vst(scratch, out + 56, 0, vzero() - g2 * y); vst(scratch, out + 112, 0, vzero() - g3 * y)
-    vst(scratch, out + 64, 0, half_w * modulus.call(law, constants, 56) - axial - g2 * y2)
+    vst(scratch, out + 64, 0, half_w * modulus.call(law, constants, 56, scratch, zo) - axial - g2 * y2)
     vst(scratch, out + 72, 0, vzero() - g2 * y3); vst(scratch, out + 120, 0, vzero() - g3 * y2)
-    vst(scratch, out + 128, 0, half_w * modulus.call(law, constants, 112) - axial - g3 * y3)
+    vst(scratch, out + 128, 0, half_w * modulus.call(law, constants, 112, scratch, zo) - axial - g3 * y3)
     c = vld(scratch, ao + 48, 0); c_end = vld(scratch, end + 48, 0)
     x = vzero()
     for i in range(3):
-        y = half_w * modulus.call(law, constants, 168 + 56 * i)
+        y = half_w * modulus.call(law, constants, 168 + 56 * i, scratch, zo)
         half_m = 0.5 * vld(scratch, so + 56 + 8 * i, 0)
         k = vld(scratch, ao + 24 + 8 * i, 0); k_end = vld(scratch, end + 24 + 8 * i, 0)
         vst(scratch, out + 192 + 64 * i, 0, c * c_end * y)
@@ -341,7 +341,7 @@ def form_stiffness(law, constants, to, scratch, so, ao, out):
 
 
 @kernel
-def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
+def coupled_form_stiffness(law, constants, to, scratch, zo, so, ao, out):
     """Form D of theory.md (4.8) for any C, all 7 x 7 lanes."""
     end = ao + SHAPE
     half_w = 0.5 * vld(constants, to, 0)
@@ -351,7 +351,7 @@ def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
     for i in range(6):
         o = out + 56 * i
         for j in range(6):
-            vst(scratch, o + 8 * j, 0, half_w * modulus.call(law, constants, 48 * i + 8 * j))
+            vst(scratch, o + 8 * j, 0, half_w * modulus.call(law, constants, 48 * i + 8 * j, scratch, zo))
         if i < 3:
             vst(scratch, o + 8 * i, 0, vld(scratch, o + 8 * i, 0) - axial)
         x = over * vld(scratch, o, 0)
@@ -427,9 +427,9 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     ct = te + 72
     re = ct + 144
     if coupled:
-        coupled_form_stiffness(strains.law, constants, to, scratch, po, ao, do)
+        coupled_form_stiffness(strains.law, constants, to, scratch, at.blocks, po, ao, do)
     else:
-        form_stiffness(strains.law, constants, to, scratch, po, ao, do)
+        form_stiffness(strains.law, constants, to, scratch, at.blocks, po, ao, do)
     f = vld3(scratch, z_mid, 8); d2 = vld3(scratch, z_mid + 48, 8); d3 = vld3(scratch, z_mid + 72, 8)
     # the first three forms change with phi' by phi', d2, d3
     vst3(scratch, te, 8, vld3(scratch, z_end, 8))

@@ -8,9 +8,9 @@ lanes: layout.py has their places.
 """
 from __future__ import annotations
 
-from fastbeam.kernels.algebra.native import vld, vld3, vst, vst3, vzero, vzero3
+from fastbeam.kernels.algebra.native import vld, vld3, vst, vst3, vzero3
 from fastbeam.kernels.beams.motions import columns, increment_of_tangent, put_forms, share_of_end
-from fastbeam.kernels.beams.section_laws import stress_of
+from fastbeam.kernels.beams.section_laws import added_stress, stress_of
 from fastbeam.kernels.beams.strain_measures import (
     extrapolated_strains,
     form_stresses,
@@ -144,7 +144,7 @@ def stresses(law, strains, constants, to, coupled, scratch, eo, so, ao):
         # C of a section without coupling is diagonal
         j0 = 0 if coupled else i
         j1 = 6 if coupled else i + 1
-        s = vzero()
+        s = added_stress.call(law, scratch, eo, i)
         for j in range(j0, j1):
             s += stress_of.call(law, constants, 48 * i + 8 * j, scratch, eo + 8 * j)
         vst(scratch, so + 8 * i, 0, w * s)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.kernels.beams.damping import Dissipation
 from fastbeam.kernels.beams.element_loop import ElementTables
-from fastbeam.kernels.beams.section_laws import ELASTIC, KELVIN_VOIGT
+from fastbeam.kernels.beams.section_laws import KELVIN_VOIGT
 from fastbeam.kernels.beams.strain_measures import GreenLagrange, SimoReissner
 from fastbeam.kernels.forces.drag import AirSchedule, Drag, NoWind, Wind
 from fastbeam.kernels.layout import LIST
@@ -55,10 +55,15 @@ class Damped(Feature):
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
         """Return the terms that account the energies of damped elements."""
         model = run.model
-        sets: tuple[Any, ...] = strain_sets(model, run.static)
-        return [(Stand.LOSSES, self._account(strains, tables, model.losses_for(Damped)))
-                for strains, tables in zip(sets, (model.simo, model.green))
-                if tables is not None and strains.law is KELVIN_VOIGT]
+        if run.static:
+            return []
+        sets = ("simo_reissner", SimoReissner, model.simo), ("green_lagrange", GreenLagrange, model.green)
+        return [(Stand.LOSSES, self._account(kind(KELVIN_VOIGT), tables, model.losses_for(Damped)))
+                for name, kind, tables in sets if tables is not None and name in self.strains]
+
+    def section_law(self, strain: str, law: Any, static: bool) -> Any:
+        """Return the law with damping, in statics the elastic one."""
+        return KELVIN_VOIGT if strain in self.strains and not static else law
 
     def _account(self, strains: Any, tables: ElementTables, first: int) -> Dissipation:
         meta = tables.meta
@@ -67,13 +72,6 @@ class Damped(Feature):
         # idle lanes have the row behind the last
         live = tables.rows[lanes] < self.part.size
         return Dissipation(strains, tables, np.where((part >= 0) & live, first + part, -1).reshape(-1))
-
-
-def strain_sets(model: Any, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
-    """Return the strain sets with the section laws of a model; in statics all laws are elastic."""
-    damped = () if static or model.damped is None else model.damped.strains
-    simo, green = (KELVIN_VOIGT if name in damped else ELASTIC for name in ("simo_reissner", "green_lagrange"))
-    return SimoReissner(simo), GreenLagrange(green)
 
 
 def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:

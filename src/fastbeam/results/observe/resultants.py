@@ -10,6 +10,7 @@ import numpy as np
 from fastbeam.interface.arguments import Anything, checked, numbers, real, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
+from fastbeam.model.forces.nonlinear_sections import added_stresses
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import own_state
 from fastbeam.model.tables import elements_of, strain_gradient, strains_of
@@ -122,7 +123,7 @@ class Sections:
         for damped ones the rates of strains [n, m, g, 6] as `strain_rates` gives them."""
         f, d, k = self._slopes(phi, directors)
         strain = strains_of(self.strain, f, d, k) - self.reference
-        stress = strain @ self.stiffness.T
+        stress = strain @ self.stiffness.T + added_stresses(self.beam.section, strain)
         if rates is not None and self.viscosity is not None:
             stress += rates @ self.viscosity.T
         force, moment = forces_of(self.strain, stress, f, d, k)
