@@ -106,6 +106,7 @@ def mean_stress(added, start, end, p):
         missing = last - first - stress * change
         if abs(missing) > ROUND_OFF * (abs(first) + abs(last)):
             stress += missing / change
+            slope = 2.0 * (section_stress.call(added, end, p) - stress) / change
     return stress, slope
 
 
