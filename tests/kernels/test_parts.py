@@ -211,7 +211,7 @@ def test_in_log_files_short_kernels_do_not_take_the_line_of_the_long_one(monkeyp
     monkeypatch.setattr(_parts, "time", type("Clock", (), {"perf_counter": staticmethod(lambda: now[0])}))
     progress = _parts._Progress()
     progress.announced = True
-    for name, seconds in (("motion", 2.0), ("run", 12.0), ("strain_energy", 7.0)):
+    for name, seconds in (("add_bodies", 2.0), ("run", 12.0), ("add_elements", 7.0)):
         with progress.of(name):
             progress.step()
             progress.machine_code()

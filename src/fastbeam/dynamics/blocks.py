@@ -1,6 +1,7 @@
 """Rows of many steps that are taken in one call of the compiled loop: states are kept there and read afterwards, all at once."""
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -9,29 +10,36 @@ import numpy as np
 from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.control import UNRESOLVED_TURN
 from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.recorded import Recorded
 from fastbeam.kernels.state import State
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
-# s, of a block; numbers of the states that one keeps
-CALL_TIME, MOST_NUMBERS = 0.05, 500_000
+# s, of a block; numbers of the states that it keeps: few, as memory that is touched for the first time takes longer than all sums
+CALL_TIME, MOST_NUMBERS = 0.05, 250_000
 
 
 class Block:
     """Rows of equal numbers of steps.
 
     t: float64 [m], their times.
-    q, v: float64 [m, 12 N], coordinates in space and their rates.
+    q, v: float64 [m, 12 N], in a plane [m, 4 N], coordinates and their rates.
     iterations: int64 [m], Newton iterations before each, since the row before it.
+    plane: None in space.
+    place: float64 [2, 1, 12 N], for a row that is mapped to space.
     """
 
-    def __init__(self, t: Array, q: Array, v: Array, iterations: Array, rest: tuple[Array, ...]) -> None:
-        self.t, self.q, self.v, self.iterations, self._rest = t, q, v, iterations, rest
+    def __init__(self, t: Array, q: Array, v: Array, iterations: Array, rest: tuple[Array, ...], plane: Any,
+                 place: Array) -> None:
+        self.t, self.q, self.v, self.iterations, self._rest, self._plane, self._place = t, q, v, iterations, rest, plane, place
 
     def state(self, k: int) -> State:
-        """Return the state of a row, in space."""
-        return State(self.q[k], self.v[k], *self._rest)
+        """Return the state of a row, in space, which the next call overwrites."""
+        q, v = self.q[k:k + 1], self.v[k:k + 1]
+        if self._plane is not None:
+            q, v = self._plane.rows(q, v, self._place)
+        return State(q[0], v[0], *self._rest)
 
 
 class Blocks:
@@ -39,9 +47,14 @@ class Blocks:
 
     def __init__(self, stepper: Stepper) -> None:
         self.stepper = stepper
-        self._most = MOST_NUMBERS // (2 * stepper.model.q0.size)
+        size = stepper.core_state.q.size
+        self._most = max(2, MOST_NUMBERS // (2 * size))
         # steps of a block that take no more than the time of one
         self._steps = 0
+        # states of the rows of a block, and of one of them in space, which the next overwrites
+        kept = Recorded(np.zeros(1, np.int64), empty((self._most, size)), empty((self._most, size)), np.zeros(1))
+        self._kept, self._record = kept, Record(kept)
+        self._place = empty((2, 1, 0 if stepper.plane is None else stepper.model.q0.size))
 
     @staticmethod
     def suit(stepper: Stepper) -> bool:
@@ -59,18 +72,16 @@ class Blocks:
         """Take the next rows; None where a step fails or turns too far: then no step is taken."""
         stepper, core = self.stepper, self.stepper.core_state
         saved, begin = stepper.save(), time.perf_counter()
-        own: Any = core.q, core.v, stepper.work.theta
-        stored = [empty((count, x.size)) for x in own]
-        spent = stepper.take(clock.origin, clock.step, count * every, clock.done,
-                             Recorded(np.array([every * stepper.weights.size]), *stored))
-        for x, last in zip(stored, own):
-            x[-1] = last
-        turn = stored[2].reshape(count, stepper.model.n_nodes, -1)
-        if spent is None or not 2.0 * np.arctan(0.5 * np.max(np.linalg.norm(turn, axis=2))) < UNRESOLVED_TURN:
+        kept = self._kept
+        kept.every[0], kept.turned[0] = every * stepper.weights.size, 0.0
+        spent = stepper.take(clock.origin, clock.step, count * every, clock.done, self._record)
+        q, v = kept.q[:count], kept.v[:count]
+        q[-1], v[-1] = core.q, core.v
+        turn = max(2.0 * math.atan(0.5 * math.sqrt(kept.turned[0])), stepper.largest_turn()[1])
+        if spent is None or not turn < UNRESOLVED_TURN:
             stepper.load(saved)
             return None
         each = (time.perf_counter() - begin) / (count * every)
         self._steps = max(1, min(int(CALL_TIME / each), 8 * count * every))
-        q, v = stored[:2] if stepper.plane is None else stepper.plane.rows(*stored[:2])
         t = clock.origin + clock.step * (clock.done + every * np.arange(1, count + 1))
-        return Block(t, q, v, np.diff(spent[::every]), core[2:])
+        return Block(t, q, v, np.diff(spent[::every]), core[2:], stepper.plane, self._place)

@@ -28,7 +28,7 @@ from fastbeam.kernels.contact.slider_forces import (
     STOP_LOSS,
     TURNS,
 )
-from fastbeam.kernels.energies import slider_motion
+from fastbeam.kernels.measures import slider_motion
 from fastbeam.kernels.state import State
 from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.model import Model

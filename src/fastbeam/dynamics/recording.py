@@ -36,13 +36,13 @@ class Rows:
     def __init__(self, observer: Observer, stepper: Stepper, clock: Clock, forces: ContactForces | None, t_end: float,
                  header: ResultHeader, output: Output) -> None:
         self.observer, self.stepper, self.clock, self.forces, self.t_end = observer, stepper, clock, forces, t_end
-        self.memory = ResultBuffer(header)
         self.writer: Any = None
         if output.file is not None:
             from fastbeam.results.hdf5_writer import ResultWriter
             self.writer = ResultWriter(output.file, header, overwrite=output.overwrite)
         self.file_error: ResultFileError | None = None
         self.snapshots = SNAPSHOTS if output.snapshots is None else output.snapshots
+        self.memory = ResultBuffer(header, min(self.snapshots, SNAPSHOTS))
         self.shape_gap = (t_end - clock.origin) / max(self.snapshots - 1, 1)
         self.first_shape = self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
@@ -57,21 +57,26 @@ class Rows:
 
     def open(self, t: float, iterations: int, size: float) -> None:
         """Open a row of the present state, after steps of this size that took so many iterations each."""
-        self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
-        if self._shape_due(t):
+        self.pending = (t, {**self._row(t), "iterations": iterations, "step_size": size})
+        if t >= self._shape_time:
             self._shape(t, self.stepper.state)
+
+    def _row(self, t: float) -> dict[str, Any]:
+        return self.observer.row(t, self.stepper.state, self.stepper.core_state[:2])
 
     def block(self, block: Block, every: int, size: float) -> None:
         """Append rows without forces of constraints, each after so many steps of this size."""
         self.close()
         rows = self.observer.rows(block.t, block.q, block.v, block.state)
         self._feed("append", {**rows, "iterations": block.iterations // every, "step_size": np.full(len(block.t), size)}, block.t)
-        for k, t in enumerate(block.t.tolist()):
-            if self._shape_due(t):
-                self._shape(t, block.state(k))
+        k = -1
+        while (k := max(k + 1, int(np.searchsorted(block.t, self._shape_time)))) < len(block.t):
+            self._shape(float(block.t[k]), block.state(k))
 
-    def _shape_due(self, t: float) -> bool:
-        return self.snapshots > 0 and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end)
+    @property
+    def _shape_time(self) -> float:
+        """Time from which on a shape is due."""
+        return min(self.next_shape - 1e-9 * self.shape_gap, self.t_end) if self.snapshots > 0 else math.inf
 
     def _shape(self, t: float, state: State) -> None:
         """Keep a shape, and find when the next is due."""
@@ -87,7 +92,7 @@ class Rows:
         """Take the present state for the waiting row of this time; steps ahead tell its forces."""
         if self.pending is not None:
             row = self.pending[1]
-            self.pending = (t, {**row, **self.observer.row(t, self.stepper.state)})
+            self.pending = (t, {**row, **self._row(t)})
         if self.forces is not None:
             self.first_force = self.forces.first(self.clock)
 

@@ -186,7 +186,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     stepper.points = rows_of_points
     if isinstance(stepper, ReactingStepper):
         stepper.cut(rows_of_points.sections)
-    observer = Observer(model, observe, rows_of_points, stepper.lost if scheme.filters else None, stepper.strains)
+    observer = Observer(model, observe, rows_of_points, stepper.lost if scheme.filters else None, stepper.strains,
+                        stepper.plane)
     run = _Run(model, stepper, observer, clock, t_end, order, kept, callback, sizes, progress)
     run.notes = notes
     run.info |= books
@@ -420,10 +421,9 @@ class _Run(Encounters):
         clock.count(every * count)
         clock.before, clock.before_size, self.between = np.zeros(0), size, False
         self.rows.block(block, every, size)
-        for k, t in enumerate(block.t.tolist()):
-            self.steps += every
-            if self.watch.is_due(t, self.steps):
-                self.watch.mesh(t, self.steps, size, state=partial(block.state, k))
+        while (k := self.watch.next_look(block.t, self.steps, every)) < count:
+            self.watch.mesh(float(block.t[k]), self.steps + every * (k + 1), size, state=partial(block.state, k))
+        self.steps += every * count
         self.iterations += int(block.iterations.sum())
         self.progress.update(clock.now - begin)
         if self.rows.file_error is not None:

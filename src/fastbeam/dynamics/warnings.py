@@ -19,6 +19,7 @@ from fastbeam.results.result import Result
 from fastbeam.scene.prescribed_motion import Signal, largest_kink
 from fastbeam.stepping.stepper import Stepper
 
+Array = np.ndarray
 # steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
 STEPS_A_LOOK = 50
 # relative drift of an invariant beyond which round-off cannot be all
@@ -126,9 +127,9 @@ class Watch:
                                         "run. Use a smaller step, place the scene near the origin and at rest, and compare with "
                                         "solver='sparse', eliminate_inner=False"})
 
-    def is_due(self, t: float, steps: int) -> bool:
-        """Return whether the shape of a row is checked."""
-        return t >= self._next_look and steps >= self._steps_to_look
+    def next_look(self, t: Array, steps: int, every: int) -> int:
+        """Return the first of the rows at times t, `every` steps from one to the next after so many, whose shape is checked."""
+        return max(int(np.searchsorted(t, self._next_look)), -((steps - self._steps_to_look) // every) - 1)
 
     def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False, state: Callable[[], State] | None = None) -> None:
         """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events.
@@ -136,11 +137,11 @@ class Watch:
         if self._resolution is None:
             self._resolution = Resolution(self.model, self.stepper.strains)
             self._resolution.contacts.before = self.t_start, self._start
-        if not last:
+        if not last and self.model.n_sliders:
             self._resolution.contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)
         if self.model.moving is not None and not last:
             self._resolution.look_at_moving(t, self.stepper.core_state.q)
-        if last or self.is_due(t, steps):
+        if last or t >= self._next_look and steps >= self._steps_to_look:
             self._resolution.look(t, self.stepper.state if state is None else state(), moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
             self._steps_to_look = steps + STEPS_A_LOOK

@@ -52,10 +52,9 @@ class Stretch(NamedTuple):
 
     def in_space(self, plane: Any) -> Stretch:
         """Return the same steps with coordinates in space."""
-        rows = [np.array([plane._within(np.ascontiguousarray(x)) for x in y]) for y in (self.q, self.v)]
         n = len(self.dphi)
         dphi = self.dphi.reshape(n, -1, 2) @ plane.axes[:2]
-        return Stretch(self.first, rows[0] + plane._above, rows[1], dphi.reshape(n, -1),
+        return Stretch(self.first, *plane.rows(self.q, self.v), dphi.reshape(n, -1),
                        (self.theta[:, :, None] * plane.axes[2]).reshape(n, -1), self.s,
                        np.array([plane.forces(x) for x in self.force]) if self.force.size else self.force, self.sign, self.rest,
                        self.values)

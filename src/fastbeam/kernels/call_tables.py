@@ -181,8 +181,8 @@ class Table:
         self._given: tuple[Any, ...] = ()
 
     def give(self, given: tuple[Any, ...]) -> None:
-        """Register the terms with loads in the next call of a loop (`put_loads`)."""
-        records = [Record(x) for x in given]
+        """Register the terms with loads in the next call of a loop (`put_loads`), some of which may be records."""
+        records = [x if isinstance(x, Record) else Record(x) for x in given]
         question = put_loads.question
         codes = _addresses([(question, x._numba_type_, self.system.views[WithMethod], False) for x in records])
         entries = np.array([(code, x.address) for code, x in zip(codes, records)], np.int64).reshape(-1)

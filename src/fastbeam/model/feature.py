@@ -161,7 +161,7 @@ class Feature:
         return {}
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
-        """Add its kinetic energy and momenta to those of nodes, [9] as `energies.motion` puts them."""
+        """Add its kinetic energy and momenta to those of nodes, at the columns of `energies`."""
 
     def weight(self, model: Any, q: Array) -> float:
         """Return its energy in constant gravity at coordinates [12 N], J."""

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.recorded import rows_in_space
 from fastbeam.kernels.state import State
 
 Array = np.ndarray
@@ -58,33 +60,31 @@ class Plane:
 
     def expand(self, flat: State) -> State:
         """Return the state in space."""
-        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), self.forces(flat.force),
+        return State(*(x.reshape(-1) for x in self.rows(flat.q[None], flat.v[None])), flat.s.copy(), self.forces(flat.force),
                      flat.history.copy())
 
-    def _within(self, x: Array) -> Array:
-        """Map [..., 4 N] to [..., 12 N], without components along the normal."""
-        z = x.view(complex).reshape(*x.shape[:-1], -1, 2)
-        place = np.empty((*z.shape[:-1], 4), complex)
-        place[..., 0] = z[..., 0]
-        np.multiply(self.factor, z[..., 1:], out=place[..., 1:])
-        return to_space(place, self.axes).reshape(*x.shape[:-1], -1)
-
-    def rows(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return coordinates in space and their rates, [m, 12 N], from rows of those in the plane [m, 4 N]."""
-        return self._within(q) + self._above, self._within(v)
+    def rows(self, q: Array, v: Array, out: Array | None = None) -> tuple[Array, Array]:
+        """Return coordinates in space and their rates, [m, 12 N], from rows of those in the plane [m, 4 N]; out: [2, m, 12 N] for
+        them."""
+        places, rates = empty((2, len(q), 12 * len(self.factor))) if out is None else out
+        rows_in_space(self._directions, 1.0, q, places)
+        rows_in_space(self._directions, 0.0, v, rates)
+        return places, rates
 
     def vectors_of(self, rows: Array, nodes: Array, is_place: bool) -> Array:
         """Return positions and directors in space of some nodes [m] from rows of coordinates [n, 4 N], or their rates:
         [n, m, 4, 3]."""
         z = np.ascontiguousarray(rows).view(complex).reshape(len(rows), -1, 2)[:, nodes]
         out = to_space(np.concatenate((z[:, :, :1], self.factor[nodes] * z[:, :, 1:]), axis=2), self.axes)
-        return out + self._above.reshape(-1, 4, 3)[nodes] if is_place else out
+        return out + self._directions[2].reshape(-1, 4, 3)[nodes] if is_place else out
 
     @cached_property
-    def _above(self) -> Array:
-        """Components of all coordinates along the normal, as vectors in space, [12 N]."""
+    def _directions(self) -> Array:
+        """Vectors of all coordinates along the axes of the plane, and their components along the normal, [3, 12 N]."""
         up = np.concatenate((np.full((len(self.factor), 1), self.height), self.normal), axis=1)
-        return (up[:, :, None] * self.axes[2]).reshape(-1)
+        turned = np.concatenate((np.ones((len(self.factor), 1)), self.factor), axis=1)
+        return np.stack((*(to_space(x, self.axes).reshape(-1) for x in (turned, 1j * turned)),
+                         (up[:, :, None] * self.axes[2]).reshape(-1)))
 
     def forces(self, force: Array) -> Array:
         """Return the forces of all constraints [*] in space."""

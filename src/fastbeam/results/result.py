@@ -82,13 +82,16 @@ class ResultHeader:
 
 
 class ResultBuffer:
-    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`; header: fixes the names and shapes of all
-    series."""
+    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
 
-    def __init__(self, header: ResultHeader) -> None:
+    header: fixes the names and shapes of all series.
+    snapshots: shapes that there is memory for at first.
+    """
+
+    def __init__(self, header: ResultHeader, snapshots: int = 8) -> None:
         self.header = header
         self._rows = RowBuffer(*header.row_tables())
-        self._snapshots = RowBuffer(header.snapshot_tables(), capacity=8)
+        self._snapshots = RowBuffer(header.snapshot_tables(), capacity=snapshots)
         self._events: list[dict[str, Any]] = []
 
     def append(self, rows: Rows, t: Any) -> None:

@@ -15,15 +15,14 @@ from fastbeam.kernels.call_tables import AT_REST, EVERYTHING, ITERATION, Calls, 
 from fastbeam.kernels.contact.coulomb import begin_fallback
 from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, SIGN, STICKS
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
-from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.forces.user_force import UserForceTimes
 from fastbeam.kernels.jit.decorators import announce_first_use
-from fastbeam.kernels.jit.records import same_record
+from fastbeam.kernels.jit.records import Record, same_record
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.loop import BORDER_SINGULAR, CYCLES, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
-from fastbeam.kernels.recorded import Recorded
+from fastbeam.kernels.measures import slider_motion
 from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from fastbeam.linalg.linear_system import LinearSystem, check_backend
@@ -432,9 +431,9 @@ class Stepper:
         return (self.linear.is_compiled and self.core.substructures is None and self.contact is None and not self._timed
                 and not self._scheduled and not self.core.laws)
 
-    def take(self, t: float, h: float, n: int, done: int, record: Recorded) -> Array | None:
-        """Take n steps in one call that keeps states on the way: return the iterations before each of them and behind the last;
-        None, and any state, where one fails."""
+    def take(self, t: float, h: float, n: int, done: int, record: Record) -> Array | None:
+        """Take n steps in one call that keeps states on the way in a record of `Recorded`: return the iterations before each of
+        them and behind the last; None, and any state, where one fails."""
         counts, sizes = np.zeros(5 + n, np.int64), empty(MORE_ITERATIONS * self.max_iterations)
         with self.linear.threads():
             table, system = self.records

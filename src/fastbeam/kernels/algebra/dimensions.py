@@ -296,17 +296,22 @@ def zero_dyad(tc, dofs):
         _pack(b, native, [_zero_lanes()] * 9) if _dim(dofs) == 3 else _zero_lanes())
 
 
-@intrinsic
-def put_lanes(tc, array, offset, x):
-    """Store a vector or a number in lanes."""
-    n = getattr(x, "n", 1)
+def _make_put_lanes(accumulate):
+    def put_lanes(tc, array, offset, x):
+        n = getattr(x, "n", 1)
 
-    def codegen(ctx, b, sig, args):
-        o = _int(ctx, b, args[1], sig.args[1])
-        for i, y in enumerate([args[2]] if n == 1 else _parts(b, args[2], n)):
-            b.store(y, _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), native), align=8)
-        return ctx.get_dummy_value()
-    return types.void(array, offset, x), codegen
+        def codegen(ctx, b, sig, args):
+            o = _int(ctx, b, args[1], sig.args[1])
+            for i, y in enumerate([args[2]] if n == 1 else _parts(b, args[2], n)):
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), native)
+                b.store(_add(b, b.load(p, align=8), y) if accumulate else y, p, align=8)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, x), codegen
+    put_lanes.__doc__ = ("Add" if accumulate else "Store") + " a vector or a number in lanes."
+    return intrinsic(put_lanes)
+
+
+put_lanes, add_lanes = _make_put_lanes(False), _make_put_lanes(True)
 
 
 @intrinsic

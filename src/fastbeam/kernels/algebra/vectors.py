@@ -411,6 +411,14 @@ def largest(tc, x, y):
 
 
 @intrinsic
+def smaller(tc, x, y):
+    """Return the smaller of two numbers, lane by lane; y if one of them is NaN."""
+    def codegen(ctx, b, sig, args):
+        return b.select(b.fcmp_ordered("<", *args), *args)
+    return x(x, y), codegen
+
+
+@intrinsic
 def square_root(tc, x):
     """Return square roots lane by lane, NaN where a number is negative."""
     def codegen(ctx, b, sig, args):

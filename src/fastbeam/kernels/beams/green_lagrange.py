@@ -2,8 +2,7 @@
 
 Loads, stores and zeros are those of `vectors.WIDTH` lanes.
 
-Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
-directors and their derivatives; out [6], strains.
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ from fastbeam.kernels.beams.strain_measures import (
     present_strains,
     quadratic_forms,
     strain_changes,
-    strains_of_state,
+    strains_of_shape,
     sum_pair,
 )
 from fastbeam.kernels.jit.decorators import kernel
@@ -45,6 +44,7 @@ from fastbeam.kernels.layout import (
 
 # --- strains ------------------------------------------------------------------------------------------------------------
 @quadratic_forms.register(GreenLagrange)
+@strains_of_shape.register(GreenLagrange)
 @kernel
 def forms(strains, scratch, z, eo):
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
@@ -78,7 +78,7 @@ def mean(strains, scratch, eo, end, ao):
 
 @present_strains.register(GreenLagrange)
 @kernel
-def strains_of_shape(strains, scratch, z, ao, eo):
+def forms_of_end(strains, scratch, z, ao, eo):
     forms(strains, scratch, z, eo)
 
 
@@ -95,17 +95,6 @@ def extrapolated(strains, scratch, z, x, eo, temporary):
 @kernel
 def changes_of_forms(strains, scratch, z, x, ao, eo):
     form_changes(scratch, z, x, eo)
-
-
-@strains_of_state.register(GreenLagrange)
-@kernel
-def state(strains, f, d, k, out):
-    out[0] = 0.5 * dot(f, f)
-    out[1] = dot(f, d[1])
-    out[2] = dot(f, d[2])
-    out[3] = 0.5 * (dot(k[1], d[2]) - dot(k[2], d[1]))
-    out[4] = dot(f, k[2])
-    out[5] = -dot(f, k[1])
 
 
 # --- stresses and forces ------------------------------------------------------------------------------------------------

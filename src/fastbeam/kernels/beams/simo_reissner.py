@@ -3,8 +3,7 @@
 Stresses are the s_1 to s_7 of theory.md (4.7), which multiply derivatives of the quadratic forms (2.4): of phi'.phi'/2 and the
 shears, of twist and curvatures (the moments times c), and of c. Loads, stores and zeros are those of `vectors.WIDTH` lanes.
 
-Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
-directors and their derivatives; out [6], strains.
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ from fastbeam.kernels.beams.strain_measures import (
     present_strains,
     quadratic_forms,
     strain_changes,
-    strains_of_state,
+    strains_of_shape,
     sum_pair,
 )
 from fastbeam.kernels.jit.decorators import inlined, kernel
@@ -166,16 +165,14 @@ def changes_of_means(strains, scratch, z, x, ao, eo):
         vst(scratch, eo + i, 0, c * vld(scratch, eo + i, 0) + dc * vld(scratch, ao + i, 0))
 
 
-@strains_of_state.register(SimoReissner)
+@strains_of_shape.register(SimoReissner)
 @kernel
-def state(strains, f, d, k, out):
-    out[1] = dot(f, d[1])
-    out[2] = dot(f, d[2])
-    out[0] = (dot(f, f) - out[1] * out[1] - out[2] * out[2])**0.5
-    c = 1.75 - 0.25 * (dot(d[0], d[0]) + dot(d[1], d[1]) + dot(d[2], d[2]))
-    out[3] = 0.5 * (dot(k[1], d[2]) - dot(k[2], d[1])) * c
-    out[4] = 0.5 * c * (dot(k[2], d[0]) - dot(k[0], d[2]))
-    out[5] = 0.5 * c * (dot(k[0], d[1]) - dot(k[1], d[0]))
+def strains_of_forms(strains, scratch, z, eo):
+    forms(strains, scratch, z, eo)
+    vst(scratch, eo, 0, stretch(scratch, eo))
+    c = 1.75 + vld(scratch, eo + 48, 0)
+    for i in range(24, 48, 8):
+        vst(scratch, eo + i, 0, c * vld(scratch, eo + i, 0))
 
 
 # --- stresses and forces ------------------------------------------------------------------------------------------------

@@ -2,8 +2,7 @@
 
 Implementations are in simo_reissner.py, green_lagrange.py and beams/planar.py. Offsets in scratch are those of layout.py.
 
-Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
-directors and their derivatives; out [6], strains.
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -65,6 +64,11 @@ def present_strains(strains, scratch, z, ao, eo):
 
 
 @generic
+def strains_of_shape(strains, scratch, z, eo):
+    """Form strains of a shape z that stands alone, six lanes at eo; the one behind them is in use."""
+
+
+@generic
 def extrapolated_strains(strains, scratch, z, x, eo, temporary):
     """Form E(z) + DE(z) x of theory.md (4.6), six lanes at eo."""
 
@@ -121,12 +125,6 @@ def sum_pair(strains, constants, scratch, at, a, b):
 def add_geometric(strains, krr, scratch, qa, qb, sums, q2, q3):
     """Return krr plus the part of directors against directors from the sums of a pair: qa, qb: mid coordinates of a and end
     coordinates of b; q2, q3: inertia of the directors."""
-
-
-# --- one state, a lane --------------------------------------------------------------------------------------------------
-@generic
-def strains_of_state(strains, f, d, k, out):
-    """Form six strains from phi', the three directors and their derivatives; `d`, `k`: triples of vectors."""
 
 
 # --- in a plane ---------------------------------------------------------------------------------------------------------

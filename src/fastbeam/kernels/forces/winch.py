@@ -287,7 +287,7 @@ def add_momentum(p, x, out):
 
 @kernel
 def motion_of_ropes(rope, q, v, out):
-    """Add kinetic energy and momenta to out, as `energies.motion` puts them."""
+    """Add kinetic energy and momenta to out, at the columns of `energies`."""
     for k in range(rope.below.shape[0]):
         a, b, drum = 12 * rope.node[k, 0], 12 * rope.node[k, 1], 12 * rope.node[k, 2]
         length = free_length(rope, k, q)

@@ -2,17 +2,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fastbeam.interface.arguments import Listing, Names, Word
 from fastbeam.kernels import energies as kernels
-from fastbeam.kernels.algebra.dimensions import SPACE
-from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
 from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.empty_arrays import empty
-from fastbeam.kernels.loop import energy_of
+from fastbeam.kernels.measures import slider_motion, slider_points
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_conditions import Section, sections
@@ -27,6 +26,7 @@ from fastbeam.model.workspace import ReferenceStrains, contact_of
 from fastbeam.results.exchanged import AT_START
 from fastbeam.results.observe.moving_meshes import MovingMeshSeries, moving_weight, place_rows
 from fastbeam.results.observe.points import PointSeries
+from fastbeam.results.observe.sums import ANGULAR, LINEAR, Sums
 from fastbeam.results.readings import TWISTING
 from fastbeam.results.result import ResultHeader
 from fastbeam.scene.checks import Place
@@ -52,13 +52,15 @@ class Observer:
         what `PointSeries` has where it is asked for.
     lost: float64 [2], energies that filters of strains have dissipated and store, J, as the stepper keeps them.
     strains: those of the run; default: of the model.
+    plane: that of the run.
     Raises SceneError: an unknown kind, or a point that is not in the scene.
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointSeries | None,
-                 lost: Array | None = None, strains: ReferenceStrains | None = None) -> None:
+                 lost: Array | None = None, strains: ReferenceStrains | None = None, plane: Any = None) -> None:
         self.model, self.lost, self.kinds = model, lost, frozenset(kinds)
-        self.strains = model.reference_strains if strains is None else strains.of(model)
+        self._strains, self._plane = strains, plane
+        self._sums = Sums(model, strains, plane)
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         if "inner" in kinds:
@@ -70,7 +72,7 @@ class Observer:
         self.reactions = model.reaction_names if "reaction" in kinds else []
         # points whose section is balanced with them
         self.cut = [k for k, x in enumerate(self.points.sections) if x is not None] if "reaction" in kinds else []
-        self._p, self._out, self._work, self._gap = empty(12 * model.n_nodes), empty(9), empty(6), empty(model.n_sliders)
+        self._gap = empty(model.n_sliders)
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
@@ -120,41 +122,44 @@ class Observer:
             out["section_balance"] = (len(self.points.places), 2, 3)
         return out
 
+    @cached_property
+    def _has_more(self) -> bool:
+        """True where rows hold more than the energies and momenta of a scene without features."""
+        return bool(self.series().keys() - ALWAYS)
+
     @property
     def needs_forces(self) -> bool:
         """True where rows hold forces that only steps determine."""
         return (self.slider or bool(self.reactions or self.cut or self._unknown) or self.meshes.acts
                 or self.points.measured > 0)
 
-    def row(self, t: float, state: State) -> dict[str, Any]:
-        """Return the row of a state, except iterations, step size and contact force, which the run knows."""
+    def row(self, t: float, state: State, core: tuple[Array, Array] | None = None) -> dict[str, Any]:
+        """Return the row of a state, except iterations, step size and contact force, which the run knows; core: its coordinates
+        and rates in the plane of the run, where there is one."""
         model = self.model
         out: dict[str, Any] = {}
         for feature in self._of["read"]:
             out |= feature.read(self.kinds, model, t, state)
         if self.energy or self.momentum:
-            self._kinetic(state.q, state.v)
+            sums = self._sums.of(*(x[None] for x in core or state[:2]))[0]
             for feature in self._of["add_motion"]:
-                feature.add_motion(model, state, self._out)
-            self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
-            self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
+                feature.add_motion(model, state, sums)
+            self.scale["lin_mom"] = max(self.scale["lin_mom"], float(sums[kernels.LINEAR_SIZE]))
+            self.scale["ang_mom"] = max(self.scale["ang_mom"], float(sums[kernels.ANGULAR_SIZE]))
         if self.momentum:
-            out["lin_mom"], out["ang_mom"] = self._out[1:4].copy(), self._out[4:7].copy()
+            out["lin_mom"], out["ang_mom"] = sums[LINEAR], sums[ANGULAR]
         if self.energy:
-            out["kinetic"] = float(self._out[0])
-            out["strain"] = self.strain_energy(state.q)
+            out["kinetic"], out["strain"] = float(sums[kernels.KINETIC]), float(sums[kernels.STRAIN])
             if "joint_energy" in out:
                 self._in_stops = float(np.sum(out["joint_energy"][self.meshes.along]))
                 out["strain"] += float(np.sum(out["joint_energy"])) - self._in_stops
-            phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
-            out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
+            out["gravity"] = -factor * float(sums[kernels.GRAVITY])
             self._weight = 0.0
             for feature in self._of["weight"]:
                 self._weight += feature.weight(model, state.q)
             out["gravity"] += self._weight + (0.0 if model.moving is None else factor * moving_weight(model, state.q))
-            loads = float(np.add.reduce(model.constant_load * phi, axis=None))
-            out["potential"] = out["strain"] + out["gravity"] - loads + self._in_stops
+            out["potential"] = out["strain"] + out["gravity"] - float(sums[kernels.LOADS]) + self._in_stops
             if self._of["stored"]:
                 out["potential"] += self._stored(state)
             out["total"] = out["kinetic"] + out["potential"]
@@ -165,7 +170,7 @@ class Observer:
         if model.moving is not None:
             out |= self.meshes.row(t, state)
         if self.slider:
-            kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
+            slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
         if self.moments:
@@ -176,8 +181,7 @@ class Observer:
                 out["twist"][model.sleeve_pairs[:, 0]] = self._angles
         if self.forces is not None:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
-            kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
-                                  rate)
+            slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1), rate)
             history = model.along_of(state.history).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
@@ -186,46 +190,26 @@ class Observer:
         return out | self.points.row(state)
 
     def rows(self, t: Array, q: Array, v: Array, state: Callable[[int], State]) -> dict[str, Array]:
-        """Form the rows of many states of a scene without features, with q, v [m, 12 N]; state: gives one of them."""
-        if self.series().keys() - ALWAYS:
-            rows = [self.row(at, state(k)) for k, at in enumerate(t.tolist())]
+        """Form the rows of many states of a scene without features; q, v [m, 12 N], in the plane of the run [m, 4 N]; state:
+        gives one of them, in space."""
+        if self._has_more:
+            rows = [self.row(at, state(k), (q[k], v[k])) for k, at in enumerate(t.tolist())]
             return {name: np.array([row[name] for row in rows]) for name in rows[0]}
-        model, out = self.model, dict[str, Array]()
+        out = dict[str, Array]()
         if not (self.energy or self.momentum):
             return out
-        motion, p, strain = np.zeros((len(t), 9)), np.zeros_like(v), np.zeros(len(t))
-        for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
-            if tables is not None:
-                kernels.element_momenta_of_rows(tables, model.n_nodes, v, p)
-                if self.energy:
-                    kernels.strain_energy_of_rows(tables, self.strains, model.n_nodes, q, strains, self._work, np.zeros(0),
-                                                  strain)
-        if model.bodies is not None:
-            kernels.body_momenta_of_rows(model.bodies, v, p)
-        kernels.motion_of_rows(q, v, p, motion)
-        self._grow("lin_mom", motion[:, 7])
-        self._grow("ang_mom", motion[:, 8])
+        sums = self._sums.of(q, v)
+        for k, name in ((kernels.LINEAR_SIZE, "lin_mom"), (kernels.ANGULAR_SIZE, "ang_mom")):
+            self.scale[name] = max(self.scale[name], float(np.max(sums[:, k])))
         if self.momentum:
-            out |= {"lin_mom": motion[:, 1:4], "ang_mom": motion[:, 4:7]}
+            out |= {"lin_mom": sums[:, LINEAR], "ang_mom": sums[:, ANGULAR]}
         if self.energy:
-            for k in range(len(t) if model.links else 0):
-                self._work[0] = 0.0
-                energy_of(model.links, q[k], SPACE, self._work)
-                strain[k] += self._work[0]
-            phi = q.reshape(len(t), -1, 12)[:, :, :3]
-            # one product a row: others round differently
-            weight = np.matmul((phi @ model.gravity)[:, None], model.gravity_weight[:, None])[:, 0, 0]
-            gravity = 0.0 - weight
-            potential = strain + gravity - (model.constant_load * phi).reshape(len(t), -1).sum(axis=1)
-            out |= {"kinetic": motion[:, 0], "strain": strain, "gravity": gravity, "potential": potential,
-                    "total": motion[:, 0] + potential}
-            self._grow("total", out["kinetic"])
-            self._grow("total", np.abs(potential))
+            kinetic, strain, gravity = sums[:, kernels.KINETIC], sums[:, kernels.STRAIN], 0.0 - sums[:, kernels.GRAVITY]
+            potential = strain + gravity - sums[:, kernels.LOADS]
+            out |= {"kinetic": kinetic, "strain": strain, "gravity": gravity, "potential": potential,
+                    "total": kinetic + potential}
+            self.scale["total"] = max(self.scale["total"], float(np.max(kinetic)), float(np.max(np.abs(potential))))
         return out
-
-    def _grow(self, name: str, sizes: Array) -> None:
-        """Enlarge the scale of an invariant by sizes in rows."""
-        self.scale[name] = max(self.scale[name], float(np.max(sizes)))
 
     def _balance(self, out: dict[str, Any], state: State) -> None:
         """Add the balance of energy to a row: stored and dissipated energy, less energy put in."""
@@ -338,28 +322,13 @@ class Observer:
             floors["total"] = floors["balance"] = CALM * (1e3 * (0.5 * mass * speed**2 + strain) + pull + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], floors.get(name, 0.0))) > 0.0}
 
+    @cached_property
+    def _sums_in_space(self) -> Sums:
+        return self._sums if self._plane is None else Sums(self.model, self._strains)
+
     def strain_energy(self, q: Array) -> float:
         """Return the energy stored in all beams and springs at coordinates [12 N], J."""
-        model, work, total = self.model, self._work, 0.0
-        for tables, kind in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
-            if tables is not None:
-                total += kernels.strain_energy(tables, self.strains, model.n_nodes, q, kind, work, np.zeros(0))
-        if model.links:
-            work[0] = 0.0
-            energy_of(model.links, q, SPACE, work)
-            total += work[0]
-        return float(total)
-
-    def _kinetic(self, q: Array, v: Array) -> None:
-        """Evaluate kinetic energy and momenta into _out, momenta of the nodes into _p."""
-        model = self.model
-        self._p[:] = 0.0
-        for tables in (model.simo, model.green):
-            if tables is not None:
-                kernels.element_momenta(tables, model.n_nodes, v, self._p)
-        if model.bodies is not None:
-            kernels.body_momenta(model.bodies, v, self._p)
-        kernels.motion(q, v, self._p, self._out)
+        return float(self._sums_in_space.of(q[None], np.zeros((1, q.size)))[0, kernels.STRAIN])
 
     def _inner(self, state: State) -> dict[str, Any]:
         """Compute mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away
@@ -373,9 +342,9 @@ class Observer:
         q[:, 0] -= arm
         v[:, 0] -= v[0, 0].copy()
         v[:, 0] -= weight @ v[:, 0]
-        self._kinetic(q.reshape(-1), v.reshape(-1))
-        return {"center": first + arm, "inner_energy": float(self._out[0]) + self.strain_energy(q.reshape(-1)),
-                "inner_spin": self._out[4:7].copy()}
+        sums = self._sums_in_space.of(q.reshape(1, -1), v.reshape(1, -1))[0]
+        return {"center": first + arm, "inner_energy": float(sums[kernels.KINETIC] + sums[kernels.STRAIN]),
+                "inner_spin": sums[ANGULAR]}
 
     def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
         """Form the header of the result; moving: of a run in time, whose shapes may have velocities."""

@@ -12,6 +12,7 @@ The check finds (theory.md 3.3)
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -21,12 +22,12 @@ import numpy as np
 
 from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
 from fastbeam.kernels.empty_arrays import empty
-from fastbeam.kernels.energies import strain_energy
 from fastbeam.kernels.layout import CONSTANTS, LIST, NODES
+from fastbeam.kernels.measures import ALONG, COSINE, FORCE, MEASURES, SQUARE, measure_elements
 from fastbeam.kernels.state import State
 from fastbeam.model.contact.moving_tables import element_lengths
 from fastbeam.model.model import Model
-from fastbeam.model.workspace import ReferenceStrains
+from fastbeam.model.workspace import ReferenceStrains, scratch_of
 from fastbeam.results.observe.contact_ripples import Contacts, mode_events
 from fastbeam.scene.interpolation.basis import build_basis
 
@@ -54,6 +55,7 @@ class _Elements:
     nodes: Array         # int [E, nn]
     length: Array        # [E], m
     EI: Array            # [E], the softer one, N m^2
+    taut: Array          # [E], N, the tension from which on nodes are LONGEST bending lengths apart
     before: Array        # int [E], the neighbour at the start, -1 where there is none
     behind: Array        # int [E]
     turn: Array = field(default_factory=lambda: np.zeros(0))       # [E, 3], rad, over an element of the reference
@@ -65,15 +67,13 @@ class Resolution:
 
     def __init__(self, model: Model, strains: ReferenceStrains | None = None) -> None:
         self.model, self.reference = model, model.reference_strains if strains is None else strains.of(model)
-        self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
-        self._work = empty(6)
+        self._scratch = scratch_of(model)
         self.contacts = Contacts(model)
         self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
         known = _KNOWN.get(model)
         if known is None:
             known = _KNOWN[model] = _element_sets(model)
-        for tables, strains, sets in known:
-            self._sets.append((tables, strains, empty(24 * len(tables.meta)), sets))
+        self._sets = known
         count = sum(len(e.at) for *_, sets in known for e in sets)
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
@@ -82,14 +82,19 @@ class Resolution:
         q = state.q
         self.contacts.look(t, state, self.tension, moves)
         self.look_at_moving(t, q)
-        for tables, strains, of_elements, sets in self._sets:
-            strain_energy(tables, self.reference, self.model.n_nodes, q, strains, self._work, of_elements)
-            found = of_elements.reshape(-1, 3)
+        for e, found in self._measured(q):
+            self._reversed_axis(t, e, found[e.at + ALONG])
+            self._turns_between_nodes(t, e, found[e.at + COSINE])
+            self._short_directors(t, e, found[e.at + SQUARE])
+            self._bending_lengths(t, q, e, found[e.at + FORCE])
+
+    def _measured(self, q: Array) -> Iterator[tuple[_Elements, Array]]:
+        """Yield all elements with the measures of their set at the shape q [12 N]."""
+        for tables, strains, sets in self._sets:
+            found = empty(MEASURES * len(tables.meta))
+            measure_elements(tables, self.reference, q, strains, self._scratch, found)
             for e in sets:
-                self._reversed_axis(t, e, found[e.at, 2])
-                self._turns_between_nodes(t, q, e)
-                self._short_directors(t, e, found[e.at, 1])
-                self._bending_lengths(t, q, e, found[e.at, 0])
+                yield e, found
 
     def look_at_moving(self, t: float, q: Array) -> None:
         """Check elements that move with contacts and become long where these go, at coordinates q [12 N]."""
@@ -121,21 +126,14 @@ class Resolution:
     def tension(self, q: Array) -> Array:
         """Return normal forces of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
         out = np.full(self.model.n_nodes, np.nan)
-        for tables, strains, of_elements, sets in self._sets:
-            strain_energy(tables, self.reference, self.model.n_nodes, q, strains, self._work, of_elements)
-            for e in sets:
-                out[e.nodes] = of_elements.reshape(-1, 3)[e.at, 0][:, None]
+        for e, found in self._measured(q):
+            out[e.nodes] = found[e.at + FORCE][:, None]
         return out
 
     def is_folded(self, q: Array) -> bool:
         """Return whether an axis runs against its sections at the shape q [12 N], or neighbouring nodes turn by more than a right
         angle."""
-        for tables, strains, of_elements, sets in self._sets:
-            strain_energy(tables, self.reference, self.model.n_nodes, q, strains, self._work, of_elements)
-            found = of_elements.reshape(-1, 3)
-            if any(np.min(found[e.at, 2]) < 0.0 or np.min(_cosines(q, e)) < 0.0 for e in sets):
-                return True
-        return False
+        return any(np.min(found[e.at + k]) < 0.0 for e, found in self._measured(q) for k in (ALONG, COSINE))
 
     def events(self) -> list[dict[str, Any]]:
         """Return events of the worst of every kind and beam, MOST_EVENTS of a kind."""
@@ -156,10 +154,9 @@ class Resolution:
                                                               "length and beyond, or sheared by more than a right angle, which "
                                                               "is not physical; loads exceed the stiffness of the section", 0.0)
 
-    def _turns_between_nodes(self, t: float, q: Array, e: _Elements) -> None:
-        cosine = _cosines(q, e)
-        k = int(np.minimum.reduce(cosine, axis=1).argmin())
-        worst = float(np.minimum.reduce(cosine[k]))
+    def _turns_between_nodes(self, t: float, e: _Elements, cosine: Array) -> None:
+        k = int(cosine.argmin())
+        worst = float(cosine[k])
         if worst < 0.0:
             angle = math.acos(max(-1.0, worst))
             self._note("turn", angle, t, e, k, f"neighbouring nodes are rotated by {angle:.2f} rad relative to each other, more "
@@ -178,13 +175,12 @@ class Resolution:
                                                              "size", float(loss[k] / GOOD_LOSS)**(1.0 / (p + 1 + (p + 1) % 2)))
 
     def _bending_lengths(self, t: float, q: Array, e: _Elements, force: Array) -> None:
-        p = e.nodes.shape[1] - 1
+        coarse = force > e.taut
+        if not coarse.any():
+            return
+        spacing = e.length / (e.nodes.shape[1] - 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             bending = np.sqrt(e.EI / np.maximum(force, 0.0))
-        spacing = e.length / p
-        coarse = spacing > LONGEST * bending
-        if not np.logical_or.reduce(coarse, axis=None):
-            return
         turn = _turn(q, e.nodes) - e.turn
         near = np.stack((np.where((e.before >= 0)[:, None], turn[e.before], np.nan),
                          np.where((e.behind >= 0)[:, None], turn[e.behind], np.nan)))
@@ -269,12 +265,12 @@ def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
     out = []
     for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
         if tables is not None:
-            of_elements = empty(24 * len(tables.meta))
-            strain_energy(tables, model.reference_strains, model.n_nodes, model.q0, strains, empty(6), of_elements)
+            found = empty(MEASURES * len(tables.meta))
+            measure_elements(tables, model.reference_strains, model.q0, strains, scratch_of(model), found)
             sets = list(_elements(model, tables))
             for e in sets:
                 e.turn = _turn(model.q0, e.nodes)
-                e.square = of_elements.reshape(-1, 3)[e.at, 1].copy()
+                e.square = found[e.at + SQUARE]
             out.append((tables, strains, sets))
     return out
 
@@ -290,7 +286,7 @@ def _elements(model: Model, tables: Any) -> Any:
         used = (tables.rows[at[:, 0]] != model.n_nodes).reshape(-1)
         C = meta[groups, CONSTANTS][:, None] + lanes
         EI = np.minimum(tables.tab[C + 48 * 4 + 8 * 4], tables.tab[C + 48 * 5 + 8 * 5]).reshape(-1)
-        where = (8 * groups[:, None] + lanes).reshape(-1)
+        where = (MEASURES * groups[:, None] + lanes).reshape(-1)
         order = np.flatnonzero(used)
         order = order[np.argsort(nodes[order, 0], kind="stable")]
         nodes, EI, where = nodes[order], EI[order], where[order]
@@ -301,7 +297,7 @@ def _elements(model: Model, tables: Any) -> Any:
         count = len(nodes)
         behind = np.append(np.where(follows, np.arange(1, count), -1), -1)
         before = np.append(-1, np.where(follows, np.arange(count - 1), -1))
-        yield _Elements(where, nodes, length, EI, before, behind)
+        yield _Elements(where, nodes, length, EI, EI * (LONGEST * (nn - 1) / length)**2, before, behind)
 
 
 @lru_cache
@@ -309,12 +305,6 @@ def _terms(p: int) -> Array:
     """Return the map from values at the nodes of an element of degree p to coefficients of Legendre polynomials [p + 1, p +
     1]."""
     return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * build_basis("lagrange", p, 1, 1.0).node_s - 1.0, p)))
-
-
-def _cosines(q: Array, e: _Elements) -> Array:
-    """Return the cosines of the turns between neighbouring nodes, [E, nn - 1]."""
-    d = q.reshape(-1, 4, 3)[:, 1:][e.nodes]
-    return 0.5 * (np.einsum("enic,enic->en", d[:, :-1], d[:, 1:]) - 1.0)
 
 
 def _turn(q: Array, nodes: Array) -> Array:
