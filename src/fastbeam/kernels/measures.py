@@ -13,6 +13,7 @@ from fastbeam.kernels.algebra.dimensions import SPACE, Plane, Space, put
 from fastbeam.kernels.algebra.lanes import gather_lanes
 from fastbeam.kernels.algebra.native import vld, vld3, vst, vzero
 from fastbeam.kernels.algebra.vectors import WIDTH, address, dot, ld3, smaller
+from fastbeam.kernels.beams.section_laws import added_energy, added_stress
 from fastbeam.kernels.beams.strain_measures import strains_of_shape
 from fastbeam.kernels.beams.strains import interpolate
 from fastbeam.kernels.contact.curves import find_element, point_on_curve
@@ -47,14 +48,14 @@ def gather_nodes_in_plane(dofs, tables, no, nn, x, scratch, offset, distance):
 
 @kernel
 def point_energy(strains, constants, reference, coupled, g, scratch, at):
-    """Return (E - E0) C (E - E0) of quadrature point g; its shape z stands at at.blocks, its axial force at TEMPORARY behind."""
+    """Return twice the energy of quadrature point g, (E - E0) C (E - E0) of linear sections; its shape z stands at at.blocks, its axial force at TEMPORARY behind."""
     zo = at.blocks
     eo = zo + STRAINS
     interpolate(constants, at.point + at.point_size * g, at.nn, at.node, scratch, 0, zo)
     strains_of_shape.call(strains, scratch, zo, eo)
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) - vld(reference, 48 * g + i, 0))
-    energy = vzero()
+    energy = 2.0 * added_energy.call(strains.law, constants, scratch, zo)
     for i in range(6):
         # C of a section without coupling is diagonal
         j0 = 0 if coupled else i
@@ -64,7 +65,7 @@ def point_energy(strains, constants, reference, coupled, g, scratch, at):
             stress += vld(constants, 48 * i + 8 * j, 0) * vld(scratch, eo + 8 * j, 0)
         energy += vld(scratch, eo + 8 * i, 0) * stress
         if i == 0:
-            vst(scratch, zo + TEMPORARY, 0, stress)
+            vst(scratch, zo + TEMPORARY, 0, stress + added_stress.call(strains.law, scratch, eo, 0))
     return energy
 
 

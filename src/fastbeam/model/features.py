@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 
+from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.section_laws import ELASTIC
 from fastbeam.kernels.beams.strain_measures import GreenLagrange, SimoReissner
 from fastbeam.kernels.joints.coordinates import VALUE
@@ -81,6 +82,8 @@ class WithFeatures:
     """
 
     features: tuple[Feature, ...]
+    simo: ElementTables | None
+    green: ElementTables | None
     links: tuple[Any, ...]
     loading: Loading
     remarks: Remarks
@@ -165,6 +168,11 @@ class WithFeatures:
         simo, green = (reduce(lambda law, feature: feature.section_law(name, law, static), self.features, ELASTIC)
                        for name in ("simo_reissner", "green_lagrange"))
         return SimoReissner(simo), GreenLagrange(green)
+
+    @property
+    def sets_of_elements(self) -> list[tuple[ElementTables, SimoReissner | GreenLagrange]]:
+        """Tables of elements with their strain sets, at rest."""
+        return [(x, kind) for x, kind in zip((self.simo, self.green), self.strain_sets(static=True)) if x is not None]
 
     # --- places in the history ----------------------------------------------------------------------------------------
     @cached_property

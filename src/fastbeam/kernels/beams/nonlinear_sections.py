@@ -16,6 +16,7 @@ import numpy as np
 from fastbeam.kernels.algebra.native import vld
 from fastbeam.kernels.algebra.vectors import WIDTH, ld1, st1
 from fastbeam.kernels.beams.section_laws import (
+    added_energy,
     added_stress,
     law_over,
     modulus,
@@ -153,16 +154,21 @@ def nonlinear_modulus(law, constants, k, scratch, zo):
 
 
 # --- of states ----------------------------------------------------------------------------------------------------------
+@added_energy.register(Nonlinear)
 @kernel
-def energy_of_strains(added, constants, o, e):
-    """Return the energy per length of six strains e [6], and the added axial force; o: offset of the parameters of the element."""
-    total = 0.0
-    for i in range(6):
-        p = parameters_at(constants, o + 8 * PARAMETERS * i)
-        if not is_linear(p):
-            total += section_energy.call(added, e[i], p)
-    p = parameters_at(constants, o)
-    return total, 0.0 if is_linear(p) else section_stress.call(added, e[0], p)
+def put_energy_of_state(law, constants, scratch, zo):
+    for lane in range(WIDTH):
+        total = 0.0
+        for i in range(6):
+            p = parameters_at(constants, 8 * PARAMETERS * i + lane - law.ahead)
+            stress = 0.0
+            if not is_linear(p):
+                e = ld1(scratch, zo + STRAINS + 8 * i + lane, 0)
+                total += section_energy.call(law.added, e, p)
+                stress = section_stress.call(law.added, e, p)
+            st1(scratch, zo + ADDED + 8 * i + lane, 0, stress)
+        st1(scratch, zo + MODULI + lane, 0, total)
+    return vld(scratch, zo + MODULI, 0)
 
 
 @kernel

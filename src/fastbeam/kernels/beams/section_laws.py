@@ -148,6 +148,17 @@ def no_stress(law, scratch, eo, i):
     return vzero()
 
 
+@generic
+def added_energy(law, constants, scratch, zo):
+    """Return the energy that a section adds to E C E/2 at the strains of a state, and store its stresses for `added_stress`."""
+
+
+@added_energy.register(object)
+@inlined
+def no_energy(law, constants, scratch, zo):
+    return vzero()
+
+
 @stress_of.register(Elastic)
 @inlined
 def elastic_stress(law, constants, k, scratch, e):

@@ -25,7 +25,6 @@ class GreenLagrange(NamedTuple):
     law: Any = ELASTIC
 
 
-SIMO_REISSNER, GREEN_LAGRANGE = SimoReissner(), GreenLagrange()
 
 
 @generic

@@ -20,7 +20,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.layout import CONSTANTS, LIST, NODES
 from fastbeam.kernels.measures import ALONG, COSINE, FORCE, MEASURES, SQUARE, measure_elements
@@ -263,15 +262,14 @@ _KNOWN: WeakKeyDictionary[Model, list[tuple[Any, Any, list[_Elements]]]] = WeakK
 def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
     """Return tables and strains of a model, with their elements as they are in the reference."""
     out = []
-    for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
-        if tables is not None:
-            found = empty(MEASURES * len(tables.meta))
-            measure_elements(tables, model.reference_strains, model.q0, strains, scratch_of(model), found)
-            sets = list(_elements(model, tables))
-            for e in sets:
-                e.turn = _turn(model.q0, e.nodes)
-                e.square = found[e.at + SQUARE]
-            out.append((tables, strains, sets))
+    for tables, strains in model.sets_of_elements:
+        found = empty(MEASURES * len(tables.meta))
+        measure_elements(tables, model.reference_strains, model.q0, strains, scratch_of(model), found)
+        sets = list(_elements(model, tables))
+        for e in sets:
+            e.turn = _turn(model.q0, e.nodes)
+            e.square = found[e.at + SQUARE]
+        out.append((tables, strains, sets))
     return out
 
 

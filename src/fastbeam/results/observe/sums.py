@@ -7,7 +7,6 @@ import numpy as np
 
 from fastbeam.kernels import energies as kernels
 from fastbeam.kernels.algebra.dimensions import PLANE, SPACE
-from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import ReferenceStrains, scratch_of
@@ -27,7 +26,7 @@ class Sums:
         core = model if plane is None else plane.model
         self._core, self._plane, self._dofs = core, plane, SPACE if plane is None else PLANE
         self._strains = core.reference_strains if strains is None else strains.of(core)
-        self._tables = [(x, kind) for x, kind in ((core.simo, SIMO_REISSNER), (core.green, GREEN_LAGRANGE)) if x is not None]
+        self._tables = core.sets_of_elements
         self._scratch, self._lanes, self._work = scratch_of(core), aligned_empty(8 * (kernels.IN_LANES + 1)), empty(1)
         axes = np.eye(3) if plane is None else plane.axes[:2]
         self._loads = model.gravity_weight, axes @ model.gravity, (model.constant_load @ axes.T).reshape(-1)
