@@ -1,5 +1,5 @@
-"""Names that a module needs to add links between two points and laws of sections to fastbeam from outside; docs/extending.md walks
-through three.
+"""Names that a module needs to add links between two points and laws of sections to fastbeam from outside; docs/extending.md
+walks through three.
 
 These names stay. Everything else below `fastbeam` that is no public name may change with any version.
 """

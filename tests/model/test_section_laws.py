@@ -1,5 +1,5 @@
-"""Sections with laws from outside: a linear law is a stiffer section in every analysis; bending and vibration against closed forms;
-conservation with kinks; misuse is told."""
+"""Sections with laws from outside: a linear law is a stiffer section in every analysis; bending and vibration against closed
+forms; conservation with kinks; misuse is told."""
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, replace
@@ -199,6 +199,7 @@ def test_laws_that_are_none_are_refused() -> None:
     with pytest.raises(fb.SceneError, match="law must be an object of a class derived from fastbeam.extend.SectionLaw, got 3"):
         BAR.with_law(3)  # type: ignore[arg-type]
     a = fb.Beam.straight("a", (0, 0, 0), (1, 0, 0), section=BAR.with_law(Law(linear=FULL)), elements=1)
-    b = fb.Beam.straight("b", (0, 1, 0), (1, 1, 0), elements=1, section=BAR.with_law(law(term=Wrong(), parameters=np.zeros((6, 4)))))
+    other = BAR.with_law(law(term=Wrong(), parameters=np.zeros((6, 4))))
+    b = fb.Beam.straight("b", (0, 1, 0), (1, 1, 0), section=other, elements=1)
     with pytest.raises(fb.SceneError, match="take laws of one kind"):
         fb.compile_scene(fb.Scene(a, b))

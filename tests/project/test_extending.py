@@ -72,7 +72,7 @@ def write_page(folder: Path) -> None:
     for code in re.findall(r"```python\n(.*?)```", PAGE, re.S):
         name = code.split("\n", 1)[0].removeprefix("# ")
         files[name] = files.get(name, "") + code
-    assert sorted(files) == ["my_rod.py", "my_spring.py", "use.py", "use_rod.py"]
+    assert sorted(files) == ["my_law.py", "my_rod.py", "my_spring.py", "use.py", "use_law.py", "use_rod.py"]
     for name, code in files.items():
         (folder / name).write_text(code)
 
@@ -87,7 +87,7 @@ def python(folder: Path, *arguments: str, **environment: str) -> Any:
     return json.loads(done.stdout.splitlines()[-1]) if done.stdout else None
 
 
-@pytest.mark.parametrize("name", ["use", "use_rod"])
+@pytest.mark.parametrize("name", ["use", "use_rod", "use_law"])
 def test_code_of_the_page_runs(tmp_path: Path, name: str) -> None:
     write_page(tmp_path)
     assert python(tmp_path, str(tmp_path / f"{name}.py")) is None

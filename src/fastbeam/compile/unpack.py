@@ -94,8 +94,8 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     found = Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, (),
-                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements), nonlinear_of(scene),
-                     added_of(scene, nodes, elements))
+                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
+                     nonlinear_of(scene), added_of(scene, nodes, elements))
     if known is not None:
         return found
     v, notes = initial_rates(scene, nodes, numbered.joints_at_start, elements, kept, lambda: pack(scene, found))

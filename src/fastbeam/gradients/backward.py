@@ -181,12 +181,11 @@ class Backward:
         core = self.core
         strains, inertias = (6, 3) if self.plane is None else (3, 2)
         out = []
-        for kind, tables in zip(core.strain_sets(), (core.simo, core.green)):
-            if tables is not None:
-                groups = len(tables.meta)
-                viscous = core.damped is not None and _name(kind) in core.damped.strains
-                out.append(SectionSums(kind, tables, aligned(groups * strains**2 * 8), aligned(groups * strains**2 * 8 * viscous),
-                                       aligned(groups * strains * 8), aligned(groups * inertias * 8)))
+        for tables, kind in core.sets_of_elements():
+            groups = len(tables.meta)
+            viscous = core.damped is not None and _name(kind) in core.damped.strains
+            out.append(SectionSums(kind, tables, aligned(groups * strains**2 * 8), aligned(groups * strains**2 * 8 * viscous),
+                                   aligned(groups * strains * 8), aligned(groups * inertias * 8)))
         return tuple(out)
 
     # --- the recursion ----------------------------------------------------------------------------------------------------

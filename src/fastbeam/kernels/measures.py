@@ -48,7 +48,8 @@ def gather_nodes_in_plane(dofs, tables, no, nn, x, scratch, offset, distance):
 
 @kernel
 def point_energy(strains, constants, reference, coupled, g, scratch, at):
-    """Return twice the energy of quadrature point g, (E - E0) C (E - E0) of linear sections; its shape z stands at at.blocks, its axial force at TEMPORARY behind."""
+    """Return twice the energy of quadrature point g, (E - E0) C (E - E0) of linear sections; its shape z stands at at.blocks, its
+    axial force at TEMPORARY behind."""
     zo = at.blocks
     eo = zo + STRAINS
     interpolate(constants, at.point + at.point_size * g, at.nn, at.node, scratch, 0, zo)

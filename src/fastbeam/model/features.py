@@ -169,10 +169,9 @@ class WithFeatures:
                        for name in ("simo_reissner", "green_lagrange"))
         return SimoReissner(simo), GreenLagrange(green)
 
-    @property
-    def sets_of_elements(self) -> list[tuple[ElementTables, SimoReissner | GreenLagrange]]:
-        """Tables of elements with their strain sets, at rest."""
-        return [(x, kind) for x, kind in zip((self.simo, self.green), self.strain_sets(static=True)) if x is not None]
+    def sets_of_elements(self, static: bool = False) -> list[tuple[ElementTables, SimoReissner | GreenLagrange]]:
+        """Return the tables of elements with their strain sets."""
+        return [(x, kind) for x, kind in zip((self.simo, self.green), self.strain_sets(static)) if x is not None]
 
     # --- places in the history ----------------------------------------------------------------------------------------
     @cached_property

@@ -115,8 +115,8 @@ class MovingMesh:
             raise SceneError(f"{self.label}: its section has damping, which moving elements do not support; leave it out, or "
                              "leave the moving mesh out")
         if beam.section.law is not None:
-            raise SceneError(f"{self.label}: its section has a law, and moving elements take the stiffness matrix alone; leave the "
-                             "moving mesh out")
+            raise SceneError(f"{self.label}: its section has a law, and moving elements take the stiffness matrix alone; "
+                             "leave the moving mesh out")
         for slider in self.sliders:
             self._check(slider)
         check_places(self.label, beam, self.sliders)

@@ -29,7 +29,7 @@ def terms_of(run: OfRun) -> tuple[Any, ...]:
     terms: list[tuple[Stand, Any]] = [part for feature in model.features for part in feature.terms(run)]
     inner = NoInner() if run.inner is None else run.inner
     terms += [(Stand.BEAMS, Beams(strains, tables, inner))
-              for strains, tables in zip(model.strain_sets(run.static), (model.simo, model.green)) if tables is not None]
+              for tables, strains in model.sets_of_elements(run.static)]
     for table in model.links:
         for feature in model.features:
             table = feature.link_of_run(table, run)

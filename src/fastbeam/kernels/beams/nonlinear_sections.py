@@ -1,8 +1,8 @@
-"""Sections with stresses that are nonlinear in their strains: to C E of theory.md (2.3) a law adds for every strain e the derivative
-of an energy W(e) per length, theory.md (2.9).
+"""Sections with stresses that are nonlinear in their strains: to C E of theory.md (2.3) a law adds for every strain e the
+derivative of an energy W(e) per length, theory.md (2.9).
 
-A step takes the mean of W' along the straight line between the strains at its ends, by three points of Gauss, with the rest that is
-missing of its integral, W(e_n+1) - W(e_n): so the energy is conserved to round-off also where W' has kinks.
+A step takes the mean of W' along the straight line between the strains at its ends, by three points of Gauss, with the rest that
+is missing of its integral, W(e_n+1) - W(e_n): so the energy is conserved to round-off also where W' has kinks.
 
 Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; parameters
 [6 * PARAMETERS]; strains, stresses_out [6 n].
@@ -33,8 +33,8 @@ from fastbeam.kernels.layout import ADDED, HALF_CHANGE, MODULI, PARAMETERS, STRA
 # points of Gauss on (0, 1) and their weights
 FIRST, MIDDLE, LAST = 0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5
 OUTER, INNER = 5.0 / 18.0, 8.0 / 18.0
-# energy that counts as round-off, as a share of those at the ends of a step; change of a strain, as a share of it, below which the
-# mean of W' is that of the points
+# energy that counts as round-off, as a share of those at the ends of a step; change of a strain, as a share of it, below which
+# the mean of W' is that of the points
 ROUND_OFF, SHORT = 16.0 * np.finfo(float).eps, 1e-6
 
 
@@ -99,7 +99,8 @@ def mean_stress(added, start, end, p):
     """Return the mean of W' over a step from one strain to another, and twice its derivative by the strain at the end."""
     change = end - start
     x, y, z = start + FIRST * change, start + MIDDLE * change, start + LAST * change
-    stress = OUTER * (section_stress.call(added, x, p) + section_stress.call(added, z, p)) + INNER * section_stress.call(added, y, p)
+    stress = (OUTER * (section_stress.call(added, x, p) + section_stress.call(added, z, p))
+              + INNER * section_stress.call(added, y, p))
     slope = 2.0 * (OUTER * (FIRST * section_modulus.call(added, x, p) + LAST * section_modulus.call(added, z, p))
                    + INNER * MIDDLE * section_modulus.call(added, y, p))
     if abs(change) > SHORT * max(abs(start), abs(end)):

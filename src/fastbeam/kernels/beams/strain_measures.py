@@ -25,6 +25,7 @@ class GreenLagrange(NamedTuple):
     law: Any = ELASTIC
 
 
+SIMO_REISSNER, GREEN_LAGRANGE = SimoReissner(), GreenLagrange()
 
 
 @generic

@@ -164,5 +164,6 @@ def _compare(section: Section) -> None:
                 integral = float(np.sum(0.5 * (by[1:] + by[:-1])) * strains[1])
                 size = float(np.sum(np.abs(by)) * abs(strains[1]))
                 if abs(change - integral) > ALLOWED * size:
-                    raise SceneError(f"{_name(section)}: from strain 0 to {largest:g} the {one} of {name} changes by {change:.6g}, "
-                                     f"but the integral of the {other} is {integral:.6g}; the {other} must be its derivative")
+                    raise SceneError(f"{_name(section)}: from strain 0 to {largest:g} the {one} of {name} changes by "
+                                     f"{change:.6g}, but the integral of the {other} is {integral:.6g}; the {other} must be its "
+                                     "derivative")

@@ -262,7 +262,7 @@ _KNOWN: WeakKeyDictionary[Model, list[tuple[Any, Any, list[_Elements]]]] = WeakK
 def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
     """Return tables and strains of a model, with their elements as they are in the reference."""
     out = []
-    for tables, strains in model.sets_of_elements:
+    for tables, strains in model.sets_of_elements(static=True):
         found = empty(MEASURES * len(tables.meta))
         measure_elements(tables, model.reference_strains, model.q0, strains, scratch_of(model), found)
         sets = list(_elements(model, tables))

@@ -26,7 +26,7 @@ class Sums:
         core = model if plane is None else plane.model
         self._core, self._plane, self._dofs = core, plane, SPACE if plane is None else PLANE
         self._strains = core.reference_strains if strains is None else strains.of(core)
-        self._tables = core.sets_of_elements
+        self._tables = core.sets_of_elements(static=True)
         self._scratch, self._lanes, self._work = scratch_of(core), aligned_empty(8 * (kernels.IN_LANES + 1)), empty(1)
         axes = np.eye(3) if plane is None else plane.axes[:2]
         self._loads = model.gravity_weight, axes @ model.gravity, (model.constant_load @ axes.T).reshape(-1)
