@@ -4,8 +4,8 @@ derivative of an energy W(e) per length, theory.md (2.9).
 A step takes the mean of W' along the straight line between the strains at its ends, by three points of Gauss, with the rest that
 is missing of its integral, W(e_n+1) - W(e_n): so the energy is conserved to round-off also where W' has kinks.
 
-Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; parameters
-[6 * PARAMETERS]; strains, stresses_out [6 n].
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; p
+[PARAMETERS], those of a strain, and parameters [6 * PARAMETERS]; strains, stresses_out [6 n].
 """
 from __future__ import annotations
 
