@@ -27,19 +27,17 @@ class Block:
     q, v: float64 [m, 12 N], in a plane [m, 4 N], coordinates and their rates.
     iterations: int64 [m], Newton iterations before each, since the row before it.
     plane: None in space.
-    place: float64 [2, 1, 12 N], for a row that is mapped to space.
     """
 
-    def __init__(self, t: Array, q: Array, v: Array, iterations: Array, rest: tuple[Array, ...], plane: Any,
-                 place: Array) -> None:
-        self.t, self.q, self.v, self.iterations, self._rest, self._plane, self._place = t, q, v, iterations, rest, plane, place
+    def __init__(self, t: Array, q: Array, v: Array, iterations: Array, rest: tuple[Array, ...], plane: Any) -> None:
+        self.t, self.q, self.v, self.iterations, self._rest, self._plane = t, q, v, iterations, rest, plane
 
-    def state(self, k: int) -> State:
-        """Return the state of a row, in space, which the next call overwrites."""
-        q, v = self.q[k:k + 1], self.v[k:k + 1]
+    def states(self, rows: list[int]) -> list[State]:
+        """Return the states of some rows, in space."""
+        q, v = self.q[rows], self.v[rows]
         if self._plane is not None:
-            q, v = self._plane.rows(q, v, self._place)
-        return State(q[0], v[0], *self._rest)
+            q, v = self._plane.rows(q, v)
+        return [State(*x, *self._rest) for x in zip(q, v)]
 
 
 class Blocks:
@@ -51,10 +49,9 @@ class Blocks:
         self._most = max(2, MOST_NUMBERS // (2 * size))
         # steps of a block that take no more than the time of one
         self._steps = 0
-        # states of the rows of a block, and of one of them in space, which the next overwrites
+        # states of the rows of a block, which the next overwrites
         kept = Recorded(np.zeros(1, np.int64), empty((self._most, size)), empty((self._most, size)), np.zeros(1))
         self._kept, self._record = kept, Record(kept)
-        self._place = empty((2, 1, 0 if stepper.plane is None else stepper.model.q0.size))
 
     @staticmethod
     def suit(stepper: Stepper) -> bool:
@@ -84,4 +81,4 @@ class Blocks:
         each = (time.perf_counter() - begin) / (count * every)
         self._steps = max(1, min(int(CALL_TIME / each), 8 * count * every))
         t = clock.origin + clock.step * (clock.done + every * np.arange(1, count + 1))
-        return Block(t, q, v, np.diff(spent[::every]), core[2:], stepper.plane, self._place)
+        return Block(t, q, v, np.diff(spent[::every]), core[2:], stepper.plane)

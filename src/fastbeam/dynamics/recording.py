@@ -58,7 +58,7 @@ class Rows:
     def open(self, t: float, iterations: int, size: float) -> None:
         """Open a row of the present state, after steps of this size that took so many iterations each."""
         self.pending = (t, {**self._row(t), "iterations": iterations, "step_size": size})
-        if t >= self._shape_time:
+        if self._due(np.array([t])):
             self._shape(t, self.stepper.state)
 
     def _row(self, t: float) -> dict[str, Any]:
@@ -67,26 +67,31 @@ class Rows:
     def block(self, block: Block, every: int, size: float) -> None:
         """Append rows without forces of constraints, each after so many steps of this size."""
         self.close()
-        rows = self.observer.rows(block.t, block.q, block.v, block.state)
+        rows = self.observer.rows(block.t, block.q, block.v, block.states)
         self._feed("append", {**rows, "iterations": block.iterations // every, "step_size": np.full(len(block.t), size)}, block.t)
-        k = -1
-        while (k := max(k + 1, int(np.searchsorted(block.t, self._shape_time)))) < len(block.t):
-            self._shape(float(block.t[k]), block.state(k))
+        due = self._due(block.t)
+        for t, state in zip(block.t[due].tolist(), block.states(due)):
+            self._shape(t, state)
 
-    @property
-    def _shape_time(self) -> float:
-        """Time from which on a shape is due."""
-        return min(self.next_shape - 1e-9 * self.shape_gap, self.t_end) if self.snapshots > 0 else math.inf
+    def _due(self, t: Array) -> list[int]:
+        """Return the rows at times t whose shapes are due, and find when the next is."""
+        out = list[int]()
+        k = 0 if self.snapshots > 0 else len(t)
+        gap = self.shape_gap
+        while (k := max(k, int(np.searchsorted(t, min(self.next_shape - 1e-9 * gap, self.t_end))))) < len(t):
+            self.next_shape = self.first_shape + gap * (math.floor((float(t[k]) - self.first_shape) / gap + 1e-9) + 1)
+            out.append(k)
+            k += 1
+        return out
 
     def _shape(self, t: float, state: State) -> None:
-        """Keep a shape, and find when the next is due."""
+        """Keep a shape."""
         q = state.q.reshape(-1, 4, 3)
         moving: tuple[Array, ...] = ()
         if self.memory.header.velocities:
             v = state.v.reshape(-1, 4, 3)
             moving = v[:, 0], spins(q, v)
         self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
-        self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 
     def reopen(self, t: float) -> None:
         """Take the present state for the waiting row of this time; steps ahead tell its forces."""

@@ -422,7 +422,7 @@ class _Run(Encounters):
         clock.before, clock.before_size, self.between = np.zeros(0), size, False
         self.rows.block(block, every, size)
         while (k := self.watch.next_look(block.t, self.steps, every)) < count:
-            self.watch.mesh(float(block.t[k]), self.steps + every * (k + 1), size, state=partial(block.state, k))
+            self.watch.mesh(float(block.t[k]), self.steps + every * (k + 1), size, states=partial(block.states, [k]))
         self.steps += every * count
         self.iterations += int(block.iterations.sum())
         self.progress.update(clock.now - begin)

@@ -131,9 +131,10 @@ class Watch:
         """Return the first of the rows at times t, `every` steps from one to the next after so many, whose shape is checked."""
         return max(int(np.searchsorted(t, self._next_look)), -((steps - self._steps_to_look) // every) - 1)
 
-    def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False, state: Callable[[], State] | None = None) -> None:
+    def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False,
+             states: Callable[[], list[State]] | None = None) -> None:
         """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events.
-        state: gives the state at that time; default: the present one."""
+        states: gives the state at that time; default: the present one."""
         if self._resolution is None:
             self._resolution = Resolution(self.model, self.stepper.strains)
             self._resolution.contacts.before = self.t_start, self._start
@@ -142,7 +143,7 @@ class Watch:
         if self.model.moving is not None and not last:
             self._resolution.look_at_moving(t, self.stepper.core_state.q)
         if last or t >= self._next_look and steps >= self._steps_to_look:
-            self._resolution.look(t, self.stepper.state if state is None else state(), moves=True)
+            self._resolution.look(t, self.stepper.state if states is None else states()[0], moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
             self._steps_to_look = steps + STEPS_A_LOOK
         if last:

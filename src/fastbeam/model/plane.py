@@ -63,10 +63,9 @@ class Plane:
         return State(*(x.reshape(-1) for x in self.rows(flat.q[None], flat.v[None])), flat.s.copy(), self.forces(flat.force),
                      flat.history.copy())
 
-    def rows(self, q: Array, v: Array, out: Array | None = None) -> tuple[Array, Array]:
-        """Return coordinates in space and their rates, [m, 12 N], from rows of those in the plane [m, 4 N]; out: [2, m, 12 N] for
-        them."""
-        places, rates = empty((2, len(q), 12 * len(self.factor))) if out is None else out
+    def rows(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return coordinates in space and their rates, [m, 12 N], from rows of those in the plane [m, 4 N]."""
+        places, rates = empty((2, len(q), 12 * len(self.factor)))
         rows_in_space(self._directions, 1.0, q, places)
         rows_in_space(self._directions, 0.0, v, rates)
         return places, rates

@@ -189,11 +189,11 @@ class Observer:
             self._balance(out, state)
         return out | self.points.row(state)
 
-    def rows(self, t: Array, q: Array, v: Array, state: Callable[[int], State]) -> dict[str, Array]:
-        """Form the rows of many states of a scene without features; q, v [m, 12 N], in the plane of the run [m, 4 N]; state:
-        gives one of them, in space."""
+    def rows(self, t: Array, q: Array, v: Array, states: Callable[[list[int]], list[State]]) -> dict[str, Array]:
+        """Form the rows of many states of a scene without features; q, v [m, 12 N], in the plane of the run [m, 4 N]; states:
+        gives some of them, in space."""
         if self._has_more:
-            rows = [self.row(at, state(k), (q[k], v[k])) for k, at in enumerate(t.tolist())]
+            rows = [self.row(at, *states([k]), (q[k], v[k])) for k, at in enumerate(t.tolist())]
             return {name: np.array([row[name] for row in rows]) for name in rows[0]}
         out = dict[str, Array]()
         if not (self.energy or self.momentum):
