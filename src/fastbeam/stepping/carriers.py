@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 # fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets
-BEFORE = "given", "held", "offset"
-BEHIND = "asked", "needed", "under", "taken", "shapes"
+BEFORE = "given", "held", "offset", "drive_side", "rub_side"
+BEHIND = "asked", "needed", "under", "taken", "shapes", "drive_side", "rub_side"
 
 
 def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:

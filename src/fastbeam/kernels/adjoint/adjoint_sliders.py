@@ -42,6 +42,7 @@ from fastbeam.kernels.contact.slider_forces import (
     INCREMENT,
     POSITION,
     Along,
+    begin_sides,
     force_of_edges,
     has_signs,
     hold,
@@ -146,6 +147,8 @@ def put_none_taken(along, steps, h, k):
 @kernel
 def put_branch_taken(along, steps, h, k):
     along.clock[0] = h
+    begin_sides(along.drive_side)
+    begin_sides(along.rub_side)
     for i in range(along.friction.shape[0]):
         along.coulomb.sign[i] = steps.sign[k, i]
         along.coulomb.rest[i] = steps.rest[k, i]
@@ -163,6 +166,7 @@ def put_values(motion, system, steps, h, k, back):
 @kernel
 def put_clock(control, system, steps, h, k, back):
     control.clock[0] = h
+    begin_sides(control.drive_side)
 
 
 # --- equations that are not symmetric in time -------------------------------------------------------------------------------

@@ -9,6 +9,12 @@ place of (5.3). Against a stop, if other parts move, a remaining ds/dt is remove
 then on the slider stays where it is to the last bit. Every iteration decides anew which of the three cases holds (a semismooth
 Newton method). A friction force that would put energy in, for example if the velocity reverses within a step, is rejected: then
 the sign of the increment of s decides.
+
+Controllers with a largest force and smoothed friction saturate. Newton's method would go to and fro between both sides of such a
+law if its range without saturation is short: an iteration behind one on the other side takes the tangent at zero instead, and
+is not the last one.
+
+Arrays: sides [n, LAST].
 """
 from __future__ import annotations
 
@@ -69,6 +75,11 @@ RESTS, LEFT = 8, 1e-12
 ROUND_OFF = 1e-14
 # most nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
 MOST_KEPT = 16
+# columns of laws that saturate: -1 or 1, on which side this iteration took the law, 0 in between, OPEN before the first one, or
+# TANGENT to MOST_TANGENTS times the side before where it took the tangent at zero, one more each time; 1 if this iteration took
+# another law than the one before, else 0
+SIDE, CHANGED, LAST = range(3)
+OPEN, TANGENT, MOST_TANGENTS = 2, 3, 6
 BY_PLACE, BY_RATE, MOST, STIFFNESS = 0, 1, 2, 2  # columns of `gains`, the last one of `stops`
 # columns of `asked`: arguments of a law, s and ds/dt; its force; failure as in user_force.FAILED: 1, time, s, ds/dt
 ASKED_FORCE, ASKED_FAILED, ASKED = 2, 3, 7
@@ -90,6 +101,8 @@ class Along(NamedTuple):
     clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; mass of the scene, kg
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     coulomb: Coulomb        # of S sliders
+    drive_side: np.ndarray  # int64 [S, LAST]: of controllers: SIDE and CHANGED
+    rub_side: np.ndarray    # int64 [S, LAST]: of smoothed friction
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
     offset: np.ndarray      # float64 [S]: arc length travelled less s, m: on switches, else 0
     under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
@@ -159,6 +172,63 @@ def law_force(along, k, s, rate):
     return asked[k, ASKED_FORCE]
 
 
+# --- laws that saturate ---------------------------------------------------------------------------------------------------
+@kernel
+def begin_sides(sides):
+    """Forget the iterations of the step before."""
+    for i in range(sides.shape[0]):
+        sides[i, SIDE] = OPEN
+        sides[i, CHANGED] = 0
+
+
+@inlined
+def crosses(sides, i, at, kinked):
+    """Return whether law i, saturated where abs(at) > 1, takes the tangent at zero in this iteration: behind one on the other
+    side, and some times more where the tangent leads back to that side.
+
+    kinked: whether the law is that tangent as long as it is not saturated."""
+    before = sides[i, SIDE]
+    side = (1 if at > 1.0 else 0) - (1 if at < -1.0 else 0)
+    now = side
+    if side * before == -1:
+        now = TANGENT * before
+    elif TANGENT <= side * before < MOST_TANGENTS:
+        now = before + side
+    crossed = now != side
+    same = before == now or before == OPEN or kinked and side == 0 and abs(before) >= TANGENT
+    sides[i, SIDE] = now
+    sides[i, CHANGED] = 1 if crossed or not same else 0
+    return crossed
+
+
+@kernel
+def sides_stay(sides):
+    """Return whether the last iteration took all laws on the sides of the iteration before."""
+    for i in range(sides.shape[0]):
+        if sides[i, CHANGED] != 0:
+            return False
+    return True
+
+
+@inlined
+def control_force(along, k, s0, s1):
+    """Return the `Force` of a controller without its limit."""
+    h = along.clock[0]
+    force = (along.gains[k, BY_PLACE] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
+             + along.gains[k, BY_RATE] * (along.given[k, 1] - (s1 - s0) / h))
+    return Force(force, -0.5 * along.gains[k, BY_PLACE] - along.gains[k, BY_RATE] / h)
+
+
+@inlined
+def drive_in_iteration(along, k, s0, s1):
+    """Return `drive_force` as an iteration of a step takes it."""
+    if along.drive[k] == CONTROL:
+        force = control_force(along, k, s0, s1)
+        if crosses(along.drive_side, k, force.value / along.gains[k, MOST], True):
+            return force
+    return drive_force(along, k, s0, s1)
+
+
 @inlined
 def drive_force(along, k, s0, s1):
     """Return the `Force` of a drive that does not prescribe the motion; zero for other drives."""
@@ -174,12 +244,11 @@ def drive_force(along, k, s0, s1):
                  - law_force(along, k, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
         return Force(law_force(along, k, middle, rate), slope)
     if kind == CONTROL:
-        force = (along.gains[k, BY_PLACE] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
-                 + along.gains[k, BY_RATE] * (along.given[k, 1] - (s1 - s0) / h))
+        force = control_force(along, k, s0, s1)
         limit = along.gains[k, MOST]
-        if abs(force) > limit:
-            return Force(limit if force > 0.0 else -limit, 0.0)
-        return Force(force, -0.5 * along.gains[k, BY_PLACE] - along.gains[k, BY_RATE] / h)
+        if abs(force.value) > limit:
+            return Force(limit if force.value > 0.0 else -limit, 0.0)
+        return force
     return Force(0.0, 0.0)
 
 
@@ -187,7 +256,7 @@ def drive_force(along, k, s0, s1):
 def other_forces(along, k, s0, s1):
     """Return the sum of all slider forces but Coulomb friction and drives that prescribe the motion."""
     stop = stop_force(along, k, s0, s1)
-    drive = drive_force(along, k, s0, s1)
+    drive = drive_in_iteration(along, k, s0, s1)
     viscous = along.viscous[k] / along.clock[0]
     return Force(stop.value + drive.value - viscous * (s1 - s0), stop.slope + drive.slope - viscous)
 
@@ -306,7 +375,11 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
     press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, k))
     most = most_of_friction(along, k, press)
     if not signs:
-        factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
+        at = (s1 - s0) / (along.clock[0] * along.smoothing[k])
+        if crosses(along.rub_side, k, at, False):
+            slope = most / (along.clock[0] * along.smoothing[k])
+            return SlidingLaw(force, tangent, most * at - other, slope - known.slope, 1.0, 0.0)
+        factor = np.tanh(at)
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
         return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
     along.needed[k] = dot(force, tangent) - other
@@ -336,6 +409,8 @@ def begin_forces(along, term, system, h):
     """Find from the velocities along the beams which sliders may come to rest."""
     state = system.state
     along.clock[0] = h
+    begin_sides(along.drive_side)
+    begin_sides(along.rub_side)
     for k in range(state.s.shape[0]):
         along.held[k] = int(state.history[HISTORY * k + HELD])
         along.offset[k] = state.history[HISTORY * k + OFFSET]
@@ -360,8 +435,8 @@ def begin_forces(along, term, system, h):
 @kernel
 def friction_takes_energy(along, term, system):
     """Return True if slip directions were evaluated in this step and Coulomb friction dissipates; otherwise let the slip
-    increment decide the direction."""
-    settled = True
+    increment decide the direction. Laws that saturate have to stay on their sides."""
+    settled = sides_stay(along.drive_side) and sides_stay(along.rub_side)
     for k in range(along.friction.shape[0]):
         if is_prescribed(along, k) or not has_signs(along, k):
             continue

@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import dim
+from fastbeam.kernels.contact.coulomb import note_change
 from fastbeam.kernels.contact.point_entries import begin_joint, is_closed, take_forces_of
 from fastbeam.kernels.contact.sleeve import SETTLED
-from fastbeam.kernels.contact.slider_forces import drive_force
+from fastbeam.kernels.contact.slider_forces import begin_sides, drive_force, drive_in_iteration, sides_stay
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.joints.coordinates import (
     LINE,
@@ -86,6 +87,7 @@ class JointControl(NamedTuple):
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
     share: np.ndarray      # float64 [1]: factor of the forces, the load factor in an equilibrium
     offset: np.ndarray     # float64 [D]: 0; for sliders on switches the difference of a controller's value and theirs
+    drive_side: np.ndarray  # int64 [D, LAST]: as of `slider_forces.Along`
 
 
 class ControlTimes(NamedTuple):
@@ -204,6 +206,7 @@ def put_controls(term, system, k):
 @kernel
 def begin_control(term, system, h, c):
     term.clock[0] = h
+    begin_sides(term.drive_side)
     for i in range(term.which.shape[0]):
         term.start[i] = system.state.history[term.motion.place[term.which[i]] + VALUE]
 
@@ -216,7 +219,7 @@ def assemble_control(term, method, system, h):
         c = term.which[i]
         before = system.state.history[motion.place[c] + VALUE]
         gradient = gradient_in_step(motion, c, system)
-        found = drive_force(term, i, before, before + way_of(motion, c, system, gradient, before))
+        found = drive_in_iteration(term, i, before, before + way_of(motion, c, system, gradient, before))
         push(motion, c, system, gradient, found.value, found.slope)
 
 
@@ -230,6 +233,14 @@ def assemble_control_at_rest(term, method, system, h):
         value = value_of(motion, c, system.dofs, system.work.q_end, system.state.history[motion.place[c] + VALUE])
         found = drive_force(term, i, value, value)
         push(motion, c, system, gradient_at_rest(motion, c, system), term.share[0] * found.value, term.share[0] * found.slope)
+
+
+@is_settled.register(JointControl)
+@kernel
+def controls_stay(term, system):
+    settled = sides_stay(term.drive_side)
+    note_change(not settled, system.work.increment)
+    return settled
 
 
 @account.register(JointControl)

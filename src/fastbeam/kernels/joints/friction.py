@@ -32,7 +32,7 @@ from fastbeam.kernels.contact.coulomb import (
 )
 from fastbeam.kernels.contact.point_entries import begin_joint, take_forces_of
 from fastbeam.kernels.contact.slider import END_SLACK
-from fastbeam.kernels.contact.slider_forces import ROUND_OFF
+from fastbeam.kernels.contact.slider_forces import ROUND_OFF, begin_sides, crosses, sides_stay
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.joints.conditions import direction
@@ -76,6 +76,7 @@ class JointFriction(NamedTuple):
     reached: np.ndarray    # float64 [D]: value at the end of the last step that was solved for, m or rad
     factor: np.ndarray     # float64 [D]: friction as a share of the largest in this iteration, 0 where it sticks
     coulomb: Coulomb       # of D coordinates
+    rub_side: np.ndarray   # int64 [D, LAST]: of smoothed friction, as of `slider_forces.Along`
     clock: np.ndarray      # float64 [1]: size of the step, s
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
 
@@ -189,6 +190,7 @@ def begin_friction(term, system, h, c):
     """Find from the velocities which coordinates may come to rest."""
     motion, state = term.motion, system.state
     term.clock[0] = h
+    begin_sides(term.rub_side)
     # a coordinate that stopped while others moved keeps a little velocity that changes sign every step; it is removed
     # once for each time that it comes to rest: in every step that would be a creep
     stopped = False
@@ -235,8 +237,11 @@ def assemble_friction(term, method, system, h):
         if follows_motion(term, i):
             most = most_of_friction(term, i, system)
             factor, slope = rub_with_motion(term, i, way, system)
-            slope *= most
             by_load = factor
+            unit = term.clock[0] * term.smoothing[i]
+            if term.given[i] == 0 and crosses(term.rub_side, i, way / unit, False):
+                factor, slope, by_load = -way / unit, -1.0 / unit, 0.0
+            slope *= most
         elif may_stick(term, i):
             most = most_of_friction(term, i, system)
             factor, slope = rub_by_coulomb(term, i, system, way, most, force[f])
@@ -262,7 +267,7 @@ def assemble_friction(term, method, system, h):
 def friction_is_settled(term, system):
     """Return True if slip directions were evaluated in this step and friction dissipates; otherwise let the slip increment decide
     the direction."""
-    settled = True
+    settled = sides_stay(term.rub_side)
     coulomb = term.coulomb
     for i in range(term.which.shape[0]):
         if not may_stick(term, i):

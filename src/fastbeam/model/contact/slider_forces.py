@@ -22,6 +22,7 @@ from fastbeam.kernels.contact.slider_forces import (
     HELD,
     HISTORY,
     INCREMENT,
+    LAST,
     LAW,
     LOCK_LOSS,
     LOCKED,
@@ -138,8 +139,8 @@ class SliderForces(Feature):
         n = len(sliders)
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
                             np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n),
-                            coulomb_of(np.ones(n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
-                            np.zeros((n, MOST_KEPT, 4)))
+                            coulomb_of(np.ones(n)), *np.zeros((2, n, LAST), np.int64), np.zeros(n, np.int64), np.zeros(n),
+                            np.zeros((n, 2), np.int64), np.zeros(n), np.zeros((n, MOST_KEPT, 4)))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
 
@@ -278,7 +279,7 @@ class SliderForces(Feature):
         self.tables.clock[2] = model.mass
         return self.tables._replace(coulomb=coulomb_of(np.full(len(self.sliders), model.mass)), **{
             name: getattr(self.tables, name).copy() for name in (
-                "stops", "asked", "given", "clock", "held", "offset", "under")},
+                "stops", "asked", "given", "clock", "drive_side", "rub_side", "held", "offset", "under")},
             **{name: empty(getattr(self.tables, name).shape) for name in ("needed", "taken", "shapes")})
 
     @cached_property

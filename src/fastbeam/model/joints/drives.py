@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.coulomb import coulomb_of
-from fastbeam.kernels.contact.slider_forces import ASKED, CONTROL, LAW
+from fastbeam.kernels.contact.slider_forces import ASKED, CONTROL, LAST, LAW, begin_sides
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.joints.coordinates import JointMotion
 from fastbeam.kernels.joints.drives import BY, TO, ControlTimes, DriveTimes, JointControl, JointDrives, KnownForces
@@ -77,6 +77,7 @@ class JointsOfRun(NamedTuple):
         if self.control is not None and other.control is not None:
             self.control.given[:], self.control.clock[:] = other.control.given, other.control.clock
             self.control.share[:] = other.control.share
+            begin_sides(self.control.drive_side)
 
 
 @dataclass(frozen=True)
@@ -203,14 +204,16 @@ class Holds:
                                      np.array([self.parts[k].smoothing for k in self.rubs[rubs]]),
                                      np.isin(self.rubs[rubs], self.given).astype(np.int64), self.ends[rubs],
                                      self.place + RUB * rubs, np.array([self.first + m]), *empty((3, n)),
-                                     coulomb_of(model.mass * (self.length / self.scales[rubs])**2), empty(1), ties)
+                                     coulomb_of(model.mass * (self.length / self.scales[rubs])**2), np.zeros((n, LAST), np.int64),
+                                     empty(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         if at_control.size:
             gains, d = self.gains[driven], at_control.size
             law = np.array([self.laws.get(k, 0) for k in self.driven[driven].tolist()], np.int64)
             control = JointControl(motion, at_control, gains[:, 0].astype(np.int64), np.ascontiguousarray(gains[:, 1:]), law,
-                                   np.zeros((d, ASKED)), empty((d, 2)), empty(2), empty(d), np.ones(1), np.zeros(d))
+                                   np.zeros((d, ASKED)), empty((d, 2)), empty(2), empty(d), np.ones(1), np.zeros(d),
+                                   np.zeros((d, LAST), np.int64))
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
     def _press(self, k: int, kept: list[ConstrainedJoint], n_sliders: int) -> tuple[int, int]:
