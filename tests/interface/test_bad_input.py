@@ -25,6 +25,7 @@ from fastbeam.kernels.state import State
 from fastbeam.model.model import Model
 from fastbeam.results.mode_shapes import DampedModes, Modes, SteadyModes
 from fastbeam.results.responses import FrequencyResponse
+from fastbeam.scene.sections import SectionLaw
 
 SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
 BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=2, degree=2)
@@ -295,7 +296,9 @@ def calls(folder: Path) -> dict[str, Call]:
     """All public calls by name."""
     ends_at_once = dict(t_end=2e-3, step=1e-3, every=1, progress=False, callback=lambda t, state: True)
     out = {
-        "Section": Call(fb.Section, dict.fromkeys(SIX, 1.0) | dict(rhoA=1.0, rhoI2=0.0, rhoI3=0.0), SIX | INERTIA),
+        "Section": Call(fb.Section, dict.fromkeys(SIX, 1.0) | dict(rhoA=1.0, rhoI2=0.0, rhoI3=0.0),
+                        dict(law=one_of(SectionLaw), **SIX, **INERTIA)),
+        "Section.with_law": Call(SECTION.with_law, dict(law=SectionLaw()), dict(law=one_of(SectionLaw))),
         "Section.rectangle": Call(fb.Section.rectangle, dict(height=0.1, width=0.2, E=1e6, rho=1e3),
                                   dict(height=is_real, width=is_real, GJ=is_real, **MATERIAL)),
         "Section.circle": Call(fb.Section.circle, dict(radius=0.1, E=1e6, rho=1e3), dict(radius=is_real, **MATERIAL)),

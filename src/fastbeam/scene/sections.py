@@ -114,6 +114,7 @@ class Section:
     _matrix: Array | None = field(default=None, repr=False)
     _outline: tuple[float, float, bool] | None = field(default=None, repr=False)
 
+    @checked(law=as_law)
     def with_law(self, law: SectionLaw) -> Section:
         """Return the section with a law that adds stresses. Raises SceneError: it is no `SectionLaw`."""
         return replace(self, law=law)
