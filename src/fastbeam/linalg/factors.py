@@ -391,11 +391,11 @@ class Factors:
                     self._ways.pop(0)
 
     def _residual_of(self, b: Array, transposed: bool) -> Callable[[Array, Array, Array], Any]:
-        """Return the function that puts residuals b - A x of the scaled matrix into an array, given x and right-hand sides such
-        as b."""
+        """Return the function that puts residuals b - A x of the scaled matrix into an array and returns their norms, given x and
+        right-hand sides such as b."""
         if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.data.dtype.kind):
             matrix = self.scaled.T if transposed else self.scaled
-            return lambda x, b, rest_out: np.subtract(b, (matrix @ x.T).T, out=rest_out)
+            return lambda x, b, rest_out: norms_of_rows(np.subtract(b, (matrix @ x.T).T, out=rest_out))
         structure = [x.astype(np.int32, copy=False) for x in (self.matrix.indptr, self.matrix.indices)]
         return partial(leave, self.matrix.data, *structure, *self.scales)
 
@@ -428,11 +428,11 @@ class Factors:
                 v = self.solve_roughly(v)
                 # those of a singular matrix may be too large
                 with np.errstate(over="ignore"):
-                    size = float(_norms(v))
+                    size = float(norms_of_rows(v))
                 if not 0.0 < size < np.inf:
                     return 0.0
                 v = v / size
-            self._least = float(_norms(self.scaled @ v))
+            self._least = float(norms_of_rows(self.scaled @ v))
         return self._least
 
 
@@ -440,27 +440,26 @@ def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array, Array, Ar
             limits: Limits) -> tuple[Array, float]:
     """Refine solutions of equations for a right-hand side [n], or rows of several [m, n], as long as that helps; return the best
     and the largest residual next to its right-hand side. solve: by factors; rest_of: puts residuals of solutions and
-    right-hand sides into an array."""
-    size = _norms(right)
+    right-hand sides into an array, and returns their norms."""
+    size = norms_of_rows(right)
     size += size == 0.0
     x = best = solve(right)
     worst = np.inf
     for k in range(limits.most + 1):
         remainder = np.empty(x.shape, x.dtype)
-        rest_of(x, right, remainder)
-        norms = _norms(remainder)
+        norms = rest_of(x, right, remainder)
         left = float(np.maximum.reduce(norms / size, axis=None))
         if not left < worst:
             break
         goes_on, worst, best = left < 0.5 * worst, left, x
         if not goes_on or left <= limits.good or k == limits.most or (k >= limits.enough and left <= limits.accepted):
             break
-        if limits.last_bits and left <= CLEAR and np.all(norms <= limits.last_bits * _norms(x)):
+        if limits.last_bits and left <= CLEAR and np.all(norms <= limits.last_bits * norms_of_rows(x)):
             break
         x = x + solve(remainder)
     return best, worst
 
 
-def _norms(x: Array) -> Array:
+def norms_of_rows(x: Array) -> Array:
     """Return norms of rows; without BLAS, which starts threads for it."""
     return np.asarray(np.sqrt(np.add.reduce((x * x.conj()).real, axis=-1)))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
-from fastbeam.linalg.factors import Limits, lu, refined
+from fastbeam.linalg.factors import Limits, lu, norms_of_rows, refined
 
 Array = np.ndarray
 # share of its inertia with which every unknown is held to its value in one solution (proximal point iteration)
@@ -115,5 +115,9 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     pull = weight @ start[:n] if momentum is None else weight @ start[:n] + unit @ momentum
     goal = np.concatenate((pull, right / size))
     off = goal - exact @ start
-    solution = start + refined(factors.solve, lambda x, b, rest_out: np.subtract(b, exact @ x, out=rest_out), off, LIMITS)[0]
+
+    def rest_of(x: Array, b: Array, rest_out: Array) -> Array:
+        return norms_of_rows(np.subtract(b, exact @ x, out=rest_out))
+
+    solution = start + refined(factors.solve, rest_of, off, LIMITS)[0]
     return solution[:n] / np.sqrt(scale), -solution[n:] / size

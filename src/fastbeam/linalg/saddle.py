@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
-from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, refined
+from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, norms_of_rows, refined
 from fastbeam.linalg.inertia import (
     SKEW,
     Entries,
@@ -94,9 +94,10 @@ class Saddle(Factors):
                 x = by.solve(rest, transposed)
                 return np.asarray(x - right @ (right.T @ x))
 
-            def without(x: Array, b: Array, rest_out: Array) -> None:
+            def without(x: Array, b: Array, rest_out: Array) -> Array:
                 rest_of(x, b, rest_out)
                 rest_out -= left @ (left.T @ rest_out)
+                return norms_of_rows(rest_out)
 
             x, self.residual = refined(solved, without, met, self.limits._replace(most=REFINEMENTS))
             if np.isfinite(x).all() and self.residual <= self.limits.fair:

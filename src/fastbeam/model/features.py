@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property, reduce
+from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
@@ -165,9 +165,11 @@ class WithFeatures:
 
     def strain_sets(self, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
         """Return the strain sets with the section laws of the features; static: of an equilibrium, without damping."""
-        simo, green = (reduce(lambda law, feature: feature.section_law(name, law, static), self.features, ELASTIC)
-                       for name in ("simo_reissner", "green_lagrange"))
-        return SimoReissner(simo), GreenLagrange(green)
+        laws = {"simo_reissner": ELASTIC, "green_lagrange": ELASTIC}
+        for feature in self.features:
+            if type(feature).section_law is not Feature.section_law:
+                laws = {name: feature.section_law(name, law, static) for name, law in laws.items()}
+        return SimoReissner(laws["simo_reissner"]), GreenLagrange(laws["green_lagrange"])
 
     def sets_of_elements(self, static: bool = False) -> list[tuple[ElementTables, SimoReissner | GreenLagrange]]:
         """Return the tables of elements with their strain sets."""
