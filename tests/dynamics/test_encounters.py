@@ -8,6 +8,8 @@ import pytest
 from restarts import assert_goes_on
 
 import fastbeam as fb
+from fastbeam.kernels.loop import OK
+from fastbeam.stepping.stepper import Stepper
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
 SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
@@ -56,6 +58,20 @@ def test_a_run_goes_on_bit_for_bit_from_every_row_around_an_event(name: str, tol
     for n in sorted(near & set(range(1, len(whole.t) - 1))):
         part, rest = assert_goes_on(model, whole, n, tmp_path / "c", settings)
         assert [x["time"] for x in part.events + rest.events if x["kind"] in KINDS] == times
+
+
+@pytest.mark.parametrize("end, forces", [
+    (BEAM.length, {"release": fb.Release("end")}), (0.8, {"lock": fb.Lock("end"), "stops": fb.Stops(end=0.8)})],
+    ids=["released", "locked"])
+def test_a_slider_that_is_held_at_an_end_is_not_stopped_there_again(end: float, forces: dict[str, Any]) -> None:
+    model = flying(False, **forces)
+    result = fb.simulate(model, t_end=0.35, step=2e-3, progress=False)
+    held = [x for x in result.events if x["kind"] in ("released", "locked")]
+    assert len(held) == 1 and held[0]["time"] < 0.3 and result.t[-1] == 0.35
+    # round-off of a step can leave it behind the end, here by much more
+    state = result.state._replace(s=np.array([end + 1e-10]))
+    stepper = Stepper(model, np.ones(1), state)
+    assert stepper.advance(0.0, 2e-3, 5).status == OK and abs(stepper.state.s[0] - state.s[0]) < 1e-14
 
 
 def test_rows_do_not_change_what_happens() -> None:

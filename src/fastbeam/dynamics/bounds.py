@@ -27,7 +27,7 @@ class OfSliders:
 
     def limits(self, state: State) -> Array:
         """Return the bounds of each coordinate, float64 [n, 2]."""
-        return self.model.limits_at(state.s, state.history)
+        return self.model.step_limits_at(state.s, state.history)
 
     def slack(self, limits: Array) -> Array:
         """Return how far each coordinate may lie beyond its bounds, [n]."""

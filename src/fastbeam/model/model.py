@@ -19,7 +19,7 @@ from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
 from fastbeam.kernels.beams.ties import Ties
 from fastbeam.kernels.contact.curves import Paths
 from fastbeam.kernels.contact.slider import END_SLACK
-from fastbeam.kernels.contact.slider_forces import HISTORY
+from fastbeam.kernels.contact.slider_forces import FREE, HELD, HISTORY
 from fastbeam.kernels.layout import NODES, POINTS, layout_of
 from fastbeam.kernels.linalg.carriers import Carriers
 from fastbeam.kernels.linalg.substructures import ELEMENTS, Substructures, front_size
@@ -316,6 +316,14 @@ class Model(WithFeatures):
         ends = self.ends_at(s)
         return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends, s, self.along_of(history)))
 
+    def step_limits_at(self, s: Array, history: Array | None) -> Array:
+        """Return the arc lengths between which a step may lead sliders at s [S], float64 [S, 2]: as `limits_at`; infinite for
+        those that are locked or released, whose s stays to round-off, at an end of the beam too."""
+        out = self.limits_at(s, history)
+        if self.slider_forces is not None:
+            out[self.along_of(history)[:, HELD] != FREE] = -np.inf, np.inf
+        return out
+
     def slack_at(self, limits: Array) -> Array:
         """Return the round-off by which sliders may be beyond their limits [S, 2], float64 [S]."""
         low, high = limits.T
@@ -328,7 +336,7 @@ class Model(WithFeatures):
 
     def put_limits(self, out: Array, s: Array, history: Array | None = None) -> Array:
         """Put limits and the round-off beyond them into `out`, as compiled code takes them, float64 [S, 3]."""
-        out[:, :2] = self.limits_at(s, history)
+        out[:, :2] = self.step_limits_at(s, history)
         out[:, 2] = self.slack_at(out[:, :2])
         return out
 

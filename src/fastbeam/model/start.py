@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import LARGEST, numbers, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.slider import END_SLACK
-from fastbeam.kernels.contact.slider_forces import HELD, OFF
+from fastbeam.kernels.contact.slider_forces import FREE, HELD, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
@@ -89,9 +89,12 @@ def own_state(model: Model, state: State) -> State:
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
     limits, ends = model.limits_at(own.s, own.history), model.ends_at(own.s)
-    of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
-    for s, length, (begin, end), (low, high), name in zip(*of_sliders):
-        if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
+    # steps do not watch over the ends where a slider is held
+    free = model.slider_forces is None or model.along_of(own.history)[:, HELD] == FREE
+    slack = np.where(free, END_SLACK, AT_STOP) * model.slider_lengths
+    of_sliders = own.s, model.slider_lengths, slack, ends, limits, model.names["sliders"]
+    for s, length, beyond, (begin, end), (low, high), name in zip(*of_sliders):
+        if not begin - beyond <= s <= end + beyond:
             raise SceneError(f"start: slider {name!r} is at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
         if not low - AT_STOP * length <= s <= high + AT_STOP * length:
             raise SceneError(f"start: slider {name!r} is at s = {s:.6g} m, beyond its stops ({low:.6g} to {high:.6g} m)")

@@ -76,8 +76,10 @@ class Corner(NamedTuple):
 
 
 def put_limits(model: Model, state: State, corner: Corner | None, *all_terms: tuple[Any, ...] | None) -> None:
-    """Let sliders on switches move on the tracks on which they are, to the stops there, and one of them over a corner."""
-    for terms in all_terms if model.spans else ():
+    """Let sliders that are not held move up to the ends and stops of the tracks on which they are, and one of them over a
+    corner."""
+    changes = model.spans or (model.slider_forces is not None and model.slider_forces.lets_go)
+    for terms in all_terms if changes else ():
         for term in terms or ():
             if isinstance(term, Sliding):
                 model.put_limits(term.limits, state.s, state.history)
@@ -85,7 +87,7 @@ def put_limits(model: Model, state: State, corner: Corner | None, *all_terms: tu
                     term.sliders.curve[:] = model.sliders.curve
                 if corner is not None:
                     term.sliders.curve[corner.slider], term.limits[corner.slider, :2] = corner.curve, corner.limits
-                if isinstance(term.along, Along):
+                if model.spans and isinstance(term.along, Along):
                     term.along.stops[:, :2] = model.slider_forces.elastic(state.s, model.along_of(state.history))
 
 
