@@ -95,24 +95,24 @@ class Step:
 
     def _stored(self, start: Ends, end: Ends, h: Array, h0: Array, h1: Array) -> tuple[Array, Array]:
         """Discrete derivatives of the stored energy by q [n, 4, 3] and by the lengths of elements [e]."""
-        forms = [self._forms(x.q)[0] for x in (start, end)]
-        scales = [size[..., None]**-SCALES.astype(float) for size in (h0, h1)]
-        Q = [a * b for a, b in zip(forms, scales)]
+        # strains times the length of the element do not depend on it
+        every = [self._forms(x.q)[0] for x in (start, end)]
+        scale = h[..., None]**-SCALES.astype(float)
+        Q = [a * scale for a in every]
         r = [np.sqrt(2.0 * a[..., 0] - a[..., 1]**2 - a[..., 2]**2) for a in Q]
         c = [1.75 + a[..., 6] for a in Q]
-        E = [np.concatenate((x[..., None], a[..., 1:3], y[..., None] * a[..., 3:6]), axis=-1) - self.E0
-             for x, y, a in zip(r, c, Q)]
-        S, mean = 0.5 * (E[0] + E[1]) @ self.C, 0.5 * (Q[0] + Q[1])
+        E = [np.concatenate((x[..., None], a[..., 1:3], y[..., None] * a[..., 3:6]), axis=-1) for x, y, a in zip(r, c, Q)]
+        S, mean = (0.5 * (E[0] + E[1]) - self.E0) @ self.C, 0.5 * (Q[0] + Q[1])
         s = np.zeros_like(mean)
         s[..., 0] = S[..., 0] / (0.5 * (r[0] + r[1]))
         s[..., 1:3] = S[..., 1:3] - s[..., :1] * mean[..., 1:3]
         s[..., 3:6] = (0.5 * (c[0] + c[1]))[..., None] * S[..., 3:6]
         s[..., 6] = np.sum(S[..., 3:] * mean[..., 3:6], axis=-1)
-        energy = 0.25 * sum(np.einsum("egi,ij,egj->eg", x, self.C, x) for x in E)
-        change = (scales[1] - scales[0]) / np.where(h1 == h0, 1.0, h1 - h0)[..., None]
-        by_size = energy + h * np.sum(s * 0.5 * (forms[0] + forms[1]) * change, axis=-1)
+        # energy at the ends of the step with their lengths less that with the mean length
+        squares = [np.einsum("egi,ij,egj->eg", x, self.C, x) for x in E]
+        by_size = 0.5 * (self.E0 @ self.C @ self.E0) - 0.25 * h * (squares[0] / h0 + squares[1] / h1)
         _, y, d = self._forms(0.5 * (start.q + end.q))
-        t = (self.ws * h)[..., None] * s * 0.5 * (scales[0] + scales[1])
+        t = (self.ws * h)[..., None] * s * scale
         of_values, of_slopes = np.zeros_like(y), np.zeros_like(y)
         of_slopes[:, :, 0] = t[..., :1] * d[:, :, 0] + t[..., 1:2] * y[:, :, 2] + t[..., 2:3] * y[:, :, 3]
         of_values[:, :, 2] += t[..., 1:2] * d[:, :, 0]

@@ -12,14 +12,12 @@ from fastbeam.compile.moving_contacts import along_of, joints_of, moment_of
 from fastbeam.compile.numbered import Numbered, number
 from fastbeam.compile.unpack import Unpacked, unpack
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.moving_beam import MovingBeam
-from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
-from fastbeam.kernels.state import State
+from fastbeam.kernels.contact.moving_beam import MovingBeam, momentum_sums, motion_of
+from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.maps import spins
-from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import (
     BallJoint,
     Beam,
@@ -150,7 +148,11 @@ class Moving(Feature):
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """Return the table of a beam with work arrays of the run; other tables unchanged."""
-        return (table._replace(scratch=scratch_of_moving(table.node.shape[1])) if isinstance(table, MovingBeam) else table)
+        if not isinstance(table, MovingBeam):
+            return table
+        tab = aligned(table.tables.tab.size)
+        tab[:] = table.tables.tab
+        return table._replace(scratch=aligned(table.scratch.size), tables=table.tables._replace(tab=tab))
 
     @property
     def exchanges(self) -> bool:

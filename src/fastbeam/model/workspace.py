@@ -10,7 +10,9 @@ import numpy as np
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
-from fastbeam.kernels.contact.moving_beam import Scratch
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.contact.moving_elements import moved
+from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInMatrix, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
@@ -274,10 +276,6 @@ def law_work() -> Array:
     return work
 
 
-def scratch_of_moving(n: int) -> Scratch:
-    """Allocate the work arrays of beams whose elements move, for elements of n nodes."""
-    size = 12 * n
-    return Scratch(empty((4 * n, 4 * n)), empty(size + 2), empty(2 * size), empty(2 * size), empty((2, 2)),
-                   empty(7 * size), empty(7 * size), empty(42 * n), empty(42 * n),
-                   empty((7, 7)), empty((2, 6, 7)), empty((2, 7)), empty((5, 7)), empty((3, 6)), empty(7),
-                   empty((6 * n + 2, 6 * n + 2)))
+def scratch_of_moving(nodes: int, points: int, mass_points: int) -> Array:
+    """Allocate the work array of a group of elements that move."""
+    return aligned(moved.py_func(layout_of(SPACE, nodes, points), mass_points).doubles)

@@ -8,15 +8,21 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.lazy_import import sparse
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.beams.strain_measures import SIMO_REISSNER
 from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.kernels.layout import BLOCKS, CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS
+from fastbeam.kernels.state import aligned
 from fastbeam.model.numbering import NodeList
-from fastbeam.model.tables import strains_of
+from fastbeam.model.tables import elements_of, group_tables, strains_of
 from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import Beam, Slider
 from fastbeam.scene.interpolation.basis import Basis, build_basis
 from fastbeam.scene.moving_mesh import PlaceOnBeam, has_coulomb
 
 Array = np.ndarray
+NO_SHAPE = np.zeros(0)
 # largest differences of reference strains along a beam with uniform strains
 UNIFORM = 1e-7
 # smallest distance between two contacts, or a contact and an end, as a share of the beam; a run ends below it
@@ -100,15 +106,47 @@ class Mesh:
         held = self.held(numbers)
         section = beam.section
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
+        reference, weight = self.reference - beam.start_strain, unit.weight[0].copy()
+        tables = self._tables(numbers, at[:, :n], row_of, block[:, :n, :n], blocks)
         return MovingBeam(
-            np.ascontiguousarray(at[:, :n]), np.where(at >= 0, row_of[at], -1), block,
+            SIMO_REISSNER, tables, _lanes(len(at)), np.ascontiguousarray(at[:, :n]), np.where(at >= 0, row_of[at], -1), block,
             np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, places, row_of[places].astype(np.int64), share,
             np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
-            unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
+            weight, np.array(section.C, dtype=float), reference, np.tile(np.repeat(reference, 8), weight.size),
+            np.array([0.5 * np.sum(weight) * (reference @ section.C @ reference)]), rho,
             rho[0] * np.asarray(gravity, dtype=float), held, row_of[held[:, 0]].astype(np.int64),
             np.stack((blocks.between(held[:, 0], held[:, 0]), blocks.between(*held.T)), axis=1).astype(np.int64).reshape(-1, 2),
-            scratch_of_moving(n))
+            scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+
+    def _tables(self, numbers: NodeList, nodes: Array, row_of: Array, block: Array, blocks: Any) -> ElementTables:
+        """Pack the tables of the element loop: groups of 8 elements, each with constants of its own; nodes [E, n], block
+        [E, n, n]."""
+        elements = elements_of(self.beam, 0, NO_SHAPE, NO_SHAPE)
+        lane, n = _lanes(len(nodes)), nodes.shape[1]
+        groups = lane.size // 8
+        section = np.zeros((groups, 8), np.int64)
+        constants = group_tables(elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
+                                 elements.inertia[section].transpose(0, 2, 1))
+        live = (np.arange(lane.size) < len(nodes))[:, None]
+
+        def in_lanes(x: Array) -> Array:
+            return np.ascontiguousarray(x.reshape(groups, 8, -1).transpose(0, 2, 1)).astype(np.int64).reshape(-1)
+
+        k = np.arange(groups)
+        meta = np.zeros((groups, 8), np.int64)
+        meta[:, NODES], meta[:, POINTS], meta[:, FACTORS] = n, elements.weight.shape[1], -1
+        meta[:, CONSTANTS], meta[:, LIST], meta[:, BLOCKS] = constants.shape[1] * k, 8 * n * k, 8 * n * n * k
+        meta[:, COUPLED] = bool(elements.coupled.any())
+        tab = aligned(constants.size)
+        tab[:] = constants.reshape(-1)
+        return ElementTables(meta, tab, in_lanes(nodes[lane]), in_lanes(np.where(live, row_of[nodes[lane]], row_of.size)),
+                             in_lanes(np.where(live, block[lane].reshape(lane.size, -1), blocks.n_blocks)))
+
+
+def _lanes(elements: int) -> Array:
+    """Return the element of every lane of groups of 8; idle lanes repeat the last."""
+    return np.minimum(np.arange(-(-elements // 8) * 8), elements - 1)
 
 
 def _reference(beam: Beam) -> Array:

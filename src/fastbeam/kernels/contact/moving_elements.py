@@ -1,0 +1,332 @@
+"""Elements of a beam whose ends move along it in a step, in lanes: what theory.md 5.12 adds to the element loop.
+
+The element loop evaluates the forces at the mean length of an element over the step, from tables that `stretch_tables` writes
+before every evaluation. Here are the others: inertia, weight, forces along the beam on both ends of an element, and derivatives
+of all forces by the places of the ends. Offsets count doubles; one number of each of the 8 elements of a group takes 8 of them.
+
+Arrays: tab [*], the tables of a group in `ElementTables.tab`, and scratch [*], its numbers in lanes: layout.py has their places,
+`Moved` those behind.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fastbeam.kernels.algebra.native import vadd3, vld, vld3, vst, vst3, vzero, vzero3
+from fastbeam.kernels.algebra.vectors import cross, dot
+from fastbeam.kernels.beams.motions import add_inertia, put_forms
+from fastbeam.kernels.beams.section_laws import stress_of
+from fastbeam.kernels.beams.strain_measures import add_forces, mean_of_forms, present_strains
+from fastbeam.kernels.beams.strains import interpolate, stresses
+from fastbeam.kernels.jit.decorators import inlined, kernel
+from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STRAINS
+from fastbeam.kernels.terms import Conserving
+
+# numbers of an element behind its scratch of the element loop: lengths at both ends of the step, mean rates of both its ends, and
+# the shares of the place ahead in these; forces on the places behind and ahead, their derivatives by these places; the weight by
+# length
+LENGTHS, RATES, SHARES, FORCES, CORNER, WEIGHT, INERTIA = 0, 16, 32, 48, 64, 96, 120
+
+
+class MovingStep(Conserving):
+    """Conserving step of elements whose ends move."""
+
+
+MOVING_STEP = MovingStep()
+
+
+class Moved(NamedTuple):
+    """Offsets of the numbers of a group that only moving elements have; n nodes and P points of the mass an element."""
+
+    first: int     # where they begin
+    inertia: int   # forces of inertia and weight on the coordinates, n x 12
+    momenta: int   # at the start of the step: P points, 4 vectors
+    column: int    # derivatives of forces on coordinates by the places behind and ahead, 2 x n x 12
+    line: int      # derivatives of forces on these places by coordinates at the end of the step, 2 x n x 12
+    rows: int      # both, for unknowns: 4 x n x 6
+    doubles: int
+
+
+@inlined
+def moved(at, points):
+    """Return the offsets of a group behind those of its layout; points: number of points of the mass."""
+    inertia = at.doubles + INERTIA
+    column = inertia + 96 * at.nn
+    line = column + 192 * at.nn
+    rows = line + 192 * at.nn
+    momenta = rows + 192 * at.nn
+    return Moved(at.doubles, inertia, momenta, column, line, rows, momenta + 96 * points)
+
+
+@inlined
+def way_of(scratch, x, point):
+    """Return the mean rate of a point of the element over the step; point: its coordinate, 0 to 1."""
+    return (1.0 - point) * vld(scratch, x.first + RATES, 0) + point * vld(scratch, x.first + RATES + 8, 0)
+
+
+@inlined
+def mean_of_inverse(scratch, x):
+    """Return the mean of 1/length over both ends of the step."""
+    return 0.5 * (1.0 / vld(scratch, x.first + LENGTHS, 0) + 1.0 / vld(scratch, x.first + LENGTHS + 8, 0))
+
+
+@inlined
+def stretch_tables(beam, tab, scratch, at, x, h):
+    """Write the tables of the element loop for the mean length of the elements; masses are those of the tangent of `put_inertia`,
+    which is not symmetric."""
+    mean = 0.5 * (vld(scratch, x.first + LENGTHS, 0) + vld(scratch, x.first + LENGTHS + 8, 0))
+    over = 1.0 / mean
+    for g in range(at.nq):
+        to = at.point + at.point_size * g
+        vst(tab, to, 0, beam.weight[g] * mean)
+        for a in range(at.nn):
+            slope = beam.shape[1, g, a] * over
+            vst(tab, to + 8 + NODE_TABLE * a, 0, slope)
+            vst(tab, to + 24 + NODE_TABLE * a, 0, slope)
+    size = at.nn * at.nn
+    for i in range(size):
+        vst(tab, at.masses + 8 * i, 0, 0.0)
+    inverse = mean_of_inverse(scratch, x)
+    half = 0.5 * h
+    for g in range(beam.mass_point.shape[1]):
+        way = half * way_of(scratch, x, beam.mass_point[0, g])
+        for a in range(at.nn):
+            row = beam.mass_point[1, g] * (beam.mass_shape[0, g, a] + beam.mass_shape[1, g, a] * (way * inverse))
+            for b in range(at.nn):
+                o = at.masses + 8 * (at.nn * a + b)
+                column = beam.mass_shape[0, g, b] / inverse - beam.mass_shape[1, g, b] * way
+                vst(tab, o, 0, vld(tab, o, 0) + row * column)
+    for i in range(size):
+        vst(tab, at.director_masses + 8 * i, 0, vld(tab, at.masses + 8 * i, 0))
+
+
+class OfPoint(NamedTuple):
+    """Mean momentum of a vector at a point over the step, by mass, without it, and slopes of the vector at both ends."""
+
+    rate: object
+    mean: object
+    before: object
+    after: object
+
+
+@inlined
+def mean_momentum(beam, scratch, at, x, g, k):
+    """Return the mean momentum of vector k of the nodes at point g of the mass, theory.md (5.21)."""
+    rate = vzero3(); g0 = vzero3(); g1 = vzero3()
+    for a in range(at.nn):
+        middle = vld3(scratch, at.node * a + 24 * k, 8)
+        end = vld3(scratch, at.node * a + 96 + 24 * k, 8)
+        d = beam.mass_shape[1, g, a]
+        rate += beam.mass_shape[0, g, a] * vld3(scratch, at.rates + 96 * a + 24 * k, 8)
+        g0 += d * (2.0 * middle - end)
+        g1 += d * end
+    way = way_of(scratch, x, beam.mass_point[0, g])
+    return OfPoint(rate, (1.0 / mean_of_inverse(scratch, x)) * rate - (0.5 * way) * (g0 + g1), g0, g1)
+
+
+@kernel
+def put_momenta(beam, scratch, at, x):
+    """Replace the momenta of WIDTH elements at the start of the step by those at its end."""
+    for g in range(beam.mass_point.shape[1]):
+        for k in range(4):
+            if beam.rho[k] != 0.0:
+                o = x.momenta + 96 * g + 24 * k
+                mean = mean_momentum(beam, scratch, at, x, g, k).mean
+                vst3(scratch, o, 8, 2.0 * mean - vld3(scratch, o, 8))
+
+
+@inlined
+def put_inertia(beam, scratch, at, x, g, k, h):
+    """Add the changes of the momenta of vector k at point g of the mass less the derivatives of the kinetic energy: forces on
+    nodes and on both ends of the element, and derivatives of these by the ends."""
+    of = mean_momentum(beam, scratch, at, x, g, k)
+    h0 = vld(scratch, x.first + LENGTHS, 0); h1 = vld(scratch, x.first + LENGTHS + 8, 0)
+    point = beam.mass_point[0, g]
+    way = way_of(scratch, x, point)
+    c = beam.mass_point[1, g] * beam.rho[k]
+    r = 2.0 / h
+    inverse = 0.5 * (1.0 / h0 + 1.0 / h1)
+    inverse_h = -0.5 / (h1 * h1)
+    over = 1.0 / (h0 * h1)
+    gm = 0.5 * (of.before + of.after)
+    m0 = vld3(scratch, x.momenta + 96 * g + 24 * k, 8)
+    m1 = 2.0 * of.mean - m0
+    # derivatives of the mean momentum by the length at the end
+    mean_h = (-1.0 * inverse_h / (inverse * inverse)) * of.rate
+    before = dot(m0, of.before); after = dot(m1, of.after)
+    along = dot(gm, of.after)
+    bend = dot(mean_h, of.after)
+    rate = (-0.5 * r * c) * (after / h1 - before / h0)
+    size = (-c) * over * (0.25 * (dot(m0, m0) + dot(m1, m1)) + 0.5 * way * (before + after))
+    rate_x = (r * c) * along / h1
+    rate_h = (-0.5 * r * c) * (2.0 * bend - after / h1) / h1
+    size_x = c * over * (dot(gm, m1) + way * along - 0.5 * (before + after))
+    size_h = (-c) * over * (dot(mean_h, m1) + way * bend) - size / h1
+    for i in range(at.nn):
+        na = beam.mass_shape[0, g, i]; da = beam.mass_shape[1, g, i]
+        o = 96 * i + 24 * k
+        vadd3(scratch, x.inertia + o, 8, (c * na * r) * (of.mean - m0) + (c * da * (way * inverse)) * of.mean)
+        by_x = (-c * na * r) * gm + (c * da * inverse) * (of.mean - way * gm)
+        by_h = (c * na * r) * mean_h + (c * da * way) * (inverse * mean_h + inverse_h * of.mean)
+        own = 0.5 * (r * na / inverse - way * da)
+        to_rate = (-0.5 * r * c / h1) * ((2.0 * own) * of.after + da * m1)
+        to_size = ((-c) * over) * (own * m1 + (way * own) * of.after + (0.5 * da * way) * m1)
+        for side in range(2):
+            part = point if side == 1 else 1.0 - point
+            sign = 1.0 if side == 1 else -1.0
+            to = 96 * at.nn * side + o
+            vadd3(scratch, x.column + to, 8, (0.5 * r * part) * by_x + sign * by_h)
+            vadd3(scratch, x.line + to, 8, part * to_rate + sign * to_size)
+    for side in range(2):
+        part = point if side == 1 else 1.0 - point
+        sign = 1.0 if side == 1 else -1.0
+        add(scratch, x.first + FORCES + 8 * side, part * rate + sign * size)
+        for other in range(2):
+            part_2 = 0.5 * r * (point if other == 1 else 1.0 - point)
+            sign_2 = 1.0 if other == 1 else -1.0
+            add(scratch, x.first + CORNER + 16 * side + 8 * other,
+                part * (rate_x * part_2 + rate_h * sign_2) + sign * (size_x * part_2 + size_h * sign_2))
+
+
+@inlined
+def add(scratch, o, y):
+    """Add y to the lanes at o."""
+    vst(scratch, o, 0, vld(scratch, o, 0) + y)
+
+
+@kernel
+def more_energy(beam, law, tab, to, coupled, scratch, eo, scale, work):
+    """Return the energy of the strains at eo times `scale` less that of the reference strains, without cancellation:
+    w/2 (E - E_0) C (E + E_0); work: offset of six lanes."""
+    for i in range(6):
+        vst(scratch, work + 8 * i, 0, scale * vld(scratch, eo + 8 * i, 0) - beam.reference[i])
+    energy = vzero()
+    for i in range(6):
+        y = vzero()
+        for j in range(0 if coupled else i, 6 if coupled else i + 1):
+            y += stress_of.call(law, tab, 48 * i + 8 * j, scratch, work + 8 * j)
+        energy += y * (scale * vld(scratch, eo + 8 * i, 0) + beam.reference[i])
+    return 0.5 * vld(tab, to, 0) * energy
+
+
+@inlined
+def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
+    """Add the forces of the stored energy on both ends of the elements, theory.md (5.22), and their derivatives. The strains are
+    inversely proportional to the length of the element; tables: of the mean length."""
+    zo = at.blocks
+    eo = zo + STRAINS
+    ends = zo + BEFORE
+    h0 = vld(scratch, x.first + LENGTHS, 0); h1 = vld(scratch, x.first + LENGTHS + 8, 0)
+    mean = 0.5 * (h0 + h1)
+    before = vzero(); after = vzero()
+    column = x.column + 96 * at.nn
+    line = x.line + 96 * at.nn
+    for g in range(at.nq):
+        to = at.point + at.point_size * g
+        po = at.points + at.point_stride * g
+        ao = po + SHAPES_AT
+        interpolate(tab, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
+        interpolate(tab, to, at.nn, at.node, scratch, 96, zo + END)
+        end = put_forms.call(method, strains, scratch, zo)
+        mean_of_forms.call(strains, scratch, eo, zo + end, ao)
+        present_strains.call(strains, scratch, zo + END, ao, ends)
+        for i in range(0, 48, 8):
+            vst(scratch, ends + 56 + i, 0, 2.0 * vld(scratch, eo + i, 0) - vld(scratch, ends + i, 0))
+        after += more_energy(beam, strains.law, tab, to, coupled, scratch, ends, mean / h1, ends + 112)
+        before += more_energy(beam, strains.law, tab, to, coupled, scratch, ends + 56, mean / h0, ends + 112)
+        stresses(strains.law, strains, tab, to, coupled, scratch, eo, po, ao)
+        add_forces.call(strains, tab, to, at.nn, scratch, zo + MIDDLE, po, column)
+        stresses(strains.law, strains, tab, to, coupled, scratch, ends, po, ao + SHAPE)
+        add_forces.call(strains, tab, to, at.nn, scratch, zo + END, po, line)
+    square = mean * mean
+    force = -0.5 * (h0 * before + h1 * after) / square
+    whole = (after + beam.rest_energy[0] * mean) / square
+    bend = 0.5 * whole + 0.25 * (h1 * whole + h0 * (before + beam.rest_energy[0] * mean) / square) / mean
+    of_column = -0.5 / mean
+    of_line = -0.5 / h1
+    for i in range(0, 96 * at.nn, 8):
+        y = of_column * vld(scratch, column + i, 0)
+        z = of_line * vld(scratch, line + i, 0)
+        vst(scratch, column + i, 0, y); vst(scratch, x.column + i, 0, -1.0 * y)
+        vst(scratch, line + i, 0, z); vst(scratch, x.line + i, 0, -1.0 * z)
+    for side in range(2):
+        sign = 1.0 if side == 1 else -1.0
+        add(scratch, x.first + FORCES + 8 * side, sign * force)
+        for other in range(2):
+            add(scratch, x.first + CORNER + 16 * side + 8 * other, (sign if other == 1 else -sign) * bend)
+
+
+@inlined
+def put_weight(beam, scratch, at, x):
+    """Add the weight: its forces on nodes are shares of the length."""
+    mean = 0.5 * (vld(scratch, x.first + LENGTHS, 0) + vld(scratch, x.first + LENGTHS + 8, 0))
+    force = vld3(scratch, x.first + WEIGHT, 8)
+    for a in range(at.nn):
+        m = 0.0
+        for g in range(beam.mass_point.shape[1]):
+            m += beam.mass_point[1, g] * beam.mass_shape[0, g, a]
+        height = m * dot(force, vld3(scratch, at.node * a, 8))
+        vadd3(scratch, x.inertia + 96 * a, 8, (-m * mean) * force)
+        for side in range(2):
+            sign = 1.0 if side == 1 else -1.0
+            to = 96 * (at.nn * side + a)
+            add(scratch, x.first + FORCES + 8 * side, -sign * height)
+            vadd3(scratch, x.column + to, 8, (-0.5 * m * sign) * force)
+            vadd3(scratch, x.line + to, 8, (-0.5 * m * sign) * force)
+
+
+@add_inertia.register(MovingStep)
+@kernel
+def add_moving_inertia(method, constants, scratch, at, dofs):
+    """Add what `put_inertia` and `put_weight` left."""
+    for i in range(0, 96 * at.nn, 8):
+        add(scratch, at.forces + i, vld(scratch, at.doubles + INERTIA + i, 0))
+
+
+@inlined
+def put_unknowns(scratch, at, first, q, to):
+    """Transform derivatives by the coordinates of the nodes, from `first` on, to those by their unknowns, from `to` on: vectors,
+    and sums of directors cross vectors; q: offset of the middle or the end of the step."""
+    for a in range(at.nn):
+        vst3(scratch, to + 48 * a, 8, vld3(scratch, first + 96 * a, 8))
+        moment = vzero3()
+        for d in range(24, 96, 24):
+            moment += cross(vld3(scratch, at.node * a + q + d, 8), vld3(scratch, first + 96 * a + d, 8))
+        vst3(scratch, to + 48 * a + 24, 8, moment)
+
+
+@inlined
+def share_out(scratch, x, first, second):
+    """Replace derivatives by both ends of an element by those by the places behind and ahead of it."""
+    f0 = vld(scratch, x.first + SHARES, 0); f1 = vld(scratch, x.first + SHARES + 8, 0)
+    a = vld(scratch, first, 0); b = vld(scratch, second, 0)
+    vst(scratch, first, 0, (1.0 - f0) * a + (1.0 - f1) * b)
+    vst(scratch, second, 0, f0 * a + f1 * b)
+
+
+@kernel
+def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h):
+    """Evaluate everything of WIDTH elements that the element loop does not, from their coordinates in the middle and at the end
+    of the step, and the tables for the element loop."""
+    stretch_tables(beam, tab, scratch, at, x, h)
+    for i in range(x.inertia, x.rows, 8):
+        vst(scratch, i, 0, 0.0)
+    for i in range(x.first + FORCES, x.first + WEIGHT, 8):
+        vst(scratch, i, 0, 0.0)
+    put_stored(beam, method, strains, tab, coupled, scratch, at, x)
+    for g in range(beam.mass_point.shape[1]):
+        for k in range(4):
+            if beam.rho[k] != 0.0:
+                put_inertia(beam, scratch, at, x, g, k, h)
+    put_weight(beam, scratch, at, x)
+    size = 48 * at.nn
+    for side in range(2):
+        put_unknowns(scratch, at, x.column + 2 * size * side, 0, x.rows + size * side)
+        put_unknowns(scratch, at, x.line + 2 * size * side, 96, x.rows + 2 * size + size * side)
+    for i in range(0, size, 8):
+        share_out(scratch, x, x.rows + i, x.rows + size + i)
+        share_out(scratch, x, x.rows + 2 * size + i, x.rows + 3 * size + i)
+    share_out(scratch, x, x.first + FORCES, x.first + FORCES + 8)
+    for i in range(0, 32, 16):
+        share_out(scratch, x, x.first + CORNER + i, x.first + CORNER + i + 8)
+    for i in range(0, 16, 8):
+        share_out(scratch, x, x.first + CORNER + i, x.first + CORNER + i + 16)
