@@ -109,8 +109,9 @@ class Step:
         s[..., 3:6] = (0.5 * (c[0] + c[1]))[..., None] * S[..., 3:6]
         s[..., 6] = np.sum(S[..., 3:] * mean[..., 3:6], axis=-1)
         # energy at the ends of the step with their lengths less that with the mean length
-        squares = [np.einsum("egi,ij,egj->eg", x, self.C, x) for x in E]
-        by_size = 0.5 * (self.E0 @ self.C @ self.E0) - 0.25 * h * (squares[0] / h0 + squares[1] / h1)
+        excess = [x * (h / size)[..., None] - self.E0 for x, size in zip(E, (h0, h1))]
+        squares = [np.einsum("egi,ij,egj->eg", x, self.C, x) for x in excess]
+        by_size = -S @ self.E0 - 0.25 * (h0 * squares[0] + h1 * squares[1]) / h
         _, y, d = self._forms(0.5 * (start.q + end.q))
         t = (self.ws * h)[..., None] * s * scale
         of_values, of_slopes = np.zeros_like(y), np.zeros_like(y)

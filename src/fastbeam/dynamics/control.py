@@ -52,7 +52,7 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
         worst += f", {model.constraint_names[k]} (gap {gap:.3g} m{sliding})"
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
     cause, advice = _cause(stepper, outcome, h)
-    if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
+    if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE) and not vanishing(model, stepper.state, h).size:
         cause = (f"during the iteration the axis was compressed to zero length near {model.node_label(node)}, where strains are "
                  "undefined, or values there became infinite")
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")

@@ -44,7 +44,6 @@ class MovingBeam(NamedTuple):
     stiffness: np.ndarray  # float64 [6, 6]
     reference: np.ndarray  # float64 [6]
     rest_strains: np.ndarray  # float64 [48 points]: the same in lanes, as the element loop takes them
-    rest_energy: np.ndarray  # float64 [1]: E_0 C E_0/2, N
     rho: np.ndarray      # float64 [4]: inertia of position and directors
     weighs: np.ndarray   # float64 [3]: rhoA times gravity
     held: np.ndarray     # int64 [H, 2]: nodes of contacts, and of points that multipliers hold there
@@ -120,7 +119,11 @@ def motion_of(beam, q, history, p_out):
 def energy_at(beam, e, g, q, h):
     """Return E C E of the strains (2.2) less those of the reference at a point with stored energy."""
     over = 1.0 / h
-    f = over * sum_of(beam, e, beam.shape, 1, g, q, 0)
+    # slopes of equal positions do not vanish to the last bit, so positions count from the first node
+    f = zero3()
+    first = ld3(q, 12 * beam.node[e, 0], 1)
+    for a in range(1, beam.node.shape[1]):
+        f += (over * beam.shape[1, g, a]) * (ld3(q, 12 * beam.node[e, a], 1) - first)
     d1 = sum_of(beam, e, beam.shape, 0, g, q, 1); d2 = sum_of(beam, e, beam.shape, 0, g, q, 2)
     d3 = sum_of(beam, e, beam.shape, 0, g, q, 3)
     k1 = over * sum_of(beam, e, beam.shape, 1, g, q, 1); k2 = over * sum_of(beam, e, beam.shape, 1, g, q, 2)

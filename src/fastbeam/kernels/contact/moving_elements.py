@@ -4,8 +4,8 @@ The element loop evaluates the forces at the mean length of an element over the 
 before every evaluation. Here are the others: inertia, weight, forces along the beam on both ends of an element, and derivatives
 of all forces by the places of the ends. Offsets count doubles; one number of each of the 8 elements of a group takes 8 of them.
 
-Arrays: tab [*], the tables of a group in `ElementTables.tab`, and scratch [*], its numbers in lanes: layout.py has their places,
-`Moved` those behind.
+Arrays: tab, constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places, those of
+`Moved` are behind.
 """
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from fastbeam.kernels.beams.section_laws import stress_of
 from fastbeam.kernels.beams.strain_measures import add_forces, mean_of_forms, present_strains
 from fastbeam.kernels.beams.strains import interpolate, stresses
 from fastbeam.kernels.jit.decorators import inlined, kernel
-from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STRAINS
+from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STEP, STRAINS
 from fastbeam.kernels.terms import Conserving
 
 # numbers of an element behind its scratch of the element loop: lengths at both ends of the step, mean rates of both its ends, and
-# the shares of the place ahead in these; forces on the places behind and ahead, their derivatives by these places; the weight by
-# length
-LENGTHS, RATES, SHARES, FORCES, CORNER, WEIGHT, INERTIA = 0, 16, 32, 48, 64, 96, 120
+# the shares of the place ahead in these; forces on the places behind and ahead, and the part on the length of the element; their
+# derivatives by these places; the weight by length; the position of the first node in the middle of the step, from which those of
+# all nodes count
+LENGTHS, RATES, SHARES, FORCES, STRETCH, CORNER, WEIGHT, BASE, INERTIA = 0, 16, 32, 48, 64, 72, 104, 128, 152
 
 
 class MovingStep(Conserving):
@@ -176,10 +177,11 @@ def put_inertia(beam, scratch, at, x, g, k, h):
             to = 96 * at.nn * side + o
             vadd3(scratch, x.column + to, 8, (0.5 * r * part) * by_x + sign * by_h)
             vadd3(scratch, x.line + to, 8, part * to_rate + sign * to_size)
+    add(scratch, x.first + STRETCH, size)
     for side in range(2):
         part = point if side == 1 else 1.0 - point
         sign = 1.0 if side == 1 else -1.0
-        add(scratch, x.first + FORCES + 8 * side, part * rate + sign * size)
+        add(scratch, x.first + FORCES + 8 * side, part * rate)
         for other in range(2):
             part_2 = 0.5 * r * (point if other == 1 else 1.0 - point)
             sign_2 = 1.0 if other == 1 else -1.0
@@ -194,18 +196,15 @@ def add(scratch, o, y):
 
 
 @kernel
-def more_energy(beam, law, tab, to, coupled, scratch, eo, scale, work):
-    """Return the energy of the strains at eo times `scale` less that of the reference strains, without cancellation:
-    w/2 (E - E_0) C (E + E_0); work: offset of six lanes."""
-    for i in range(6):
-        vst(scratch, work + 8 * i, 0, scale * vld(scratch, eo + 8 * i, 0) - beam.reference[i])
-    energy = vzero()
+def product(law, tab, to, coupled, scratch, eo, other):
+    """Return w E C E' of the strains at eo and at `other` at a point."""
+    out = vzero()
     for i in range(6):
         y = vzero()
         for j in range(0 if coupled else i, 6 if coupled else i + 1):
-            y += stress_of.call(law, tab, 48 * i + 8 * j, scratch, work + 8 * j)
-        energy += y * (scale * vld(scratch, eo + 8 * i, 0) + beam.reference[i])
-    return 0.5 * vld(tab, to, 0) * energy
+            y += stress_of.call(law, tab, 48 * i + 8 * j, scratch, eo + 8 * j)
+        out += y * vld(scratch, other + 8 * i, 0)
+    return vld(tab, to, 0) * out
 
 
 @inlined
@@ -214,12 +213,15 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
     inversely proportional to the length of the element; tables: of the mean length."""
     zo = at.blocks
     eo = zo + STRAINS
-    ends = zo + BEFORE
+    # strains at the end and at the start with the mean length; less those of the reference, with their own; of the reference
+    ends, excess, rest = zo + BEFORE, zo + BEFORE + 112, zo + STEP
     h0 = vld(scratch, x.first + LENGTHS, 0); h1 = vld(scratch, x.first + LENGTHS + 8, 0)
     mean = 0.5 * (h0 + h1)
-    before = vzero(); after = vzero()
+    before = vzero(); after = vzero(); force = vzero()
     column = x.column + 96 * at.nn
     line = x.line + 96 * at.nn
+    for i in range(6):
+        vst(scratch, rest + 8 * i, 0, beam.reference[i])
     for g in range(at.nq):
         to = at.point + at.point_size * g
         po = at.points + at.point_stride * g
@@ -229,18 +231,24 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
         end = put_forms.call(method, strains, scratch, zo)
         mean_of_forms.call(strains, scratch, eo, zo + end, ao)
         present_strains.call(strains, scratch, zo + END, ao, ends)
-        for i in range(0, 48, 8):
-            vst(scratch, ends + 56 + i, 0, 2.0 * vld(scratch, eo + i, 0) - vld(scratch, ends + i, 0))
-        after += more_energy(beam, strains.law, tab, to, coupled, scratch, ends, mean / h1, ends + 112)
-        before += more_energy(beam, strains.law, tab, to, coupled, scratch, ends + 56, mean / h0, ends + 112)
         stresses(strains.law, strains, tab, to, coupled, scratch, eo, po, ao)
         add_forces.call(strains, tab, to, at.nn, scratch, zo + MIDDLE, po, column)
         stresses(strains.law, strains, tab, to, coupled, scratch, ends, po, ao + SHAPE)
         add_forces.call(strains, tab, to, at.nn, scratch, zo + END, po, line)
-    square = mean * mean
-    force = -0.5 * (h0 * before + h1 * after) / square
-    whole = (after + beam.rest_energy[0] * mean) / square
-    bend = 0.5 * whole + 0.25 * (h1 * whole + h0 * (before + beam.rest_energy[0] * mean) / square) / mean
+        for i in range(0, 48, 8):
+            both = vld(scratch, eo + i, 0)
+            vst(scratch, ends + 56 + i, 0, 2.0 * both - vld(scratch, ends + i, 0))
+            # as the element loop forms them: then round-off of the stress does no work along an unstrained beam
+            vst(scratch, eo + i, 0, both - vld(scratch, rest + i, 0))
+        after += product(strains.law, tab, to, coupled, scratch, ends, ends)
+        before += product(strains.law, tab, to, coupled, scratch, ends + 56, ends + 56)
+        force -= product(strains.law, tab, to, coupled, scratch, eo, rest) / mean
+        for end in range(2):
+            own = h1 if end == 0 else h0
+            for i in range(0, 48, 8):
+                vst(scratch, excess + i, 0, (mean / own) * vld(scratch, ends + 56 * end + i, 0) - vld(scratch, rest + i, 0))
+            force -= (0.25 / (mean * mean)) * own * product(strains.law, tab, to, coupled, scratch, excess, excess)
+    bend = 0.25 * after / (h1 * h1) + 0.125 * (before / h0 + after / h1) / mean
     of_column = -0.5 / mean
     of_line = -0.5 / h1
     for i in range(0, 96 * at.nn, 8):
@@ -248,9 +256,9 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
         z = of_line * vld(scratch, line + i, 0)
         vst(scratch, column + i, 0, y); vst(scratch, x.column + i, 0, -1.0 * y)
         vst(scratch, line + i, 0, z); vst(scratch, x.line + i, 0, -1.0 * z)
+    add(scratch, x.first + STRETCH, force)
     for side in range(2):
         sign = 1.0 if side == 1 else -1.0
-        add(scratch, x.first + FORCES + 8 * side, sign * force)
         for other in range(2):
             add(scratch, x.first + CORNER + 16 * side + 8 * other, (sign if other == 1 else -sign) * bend)
 
@@ -260,16 +268,17 @@ def put_weight(beam, scratch, at, x):
     """Add the weight: its forces on nodes are shares of the length."""
     mean = 0.5 * (vld(scratch, x.first + LENGTHS, 0) + vld(scratch, x.first + LENGTHS + 8, 0))
     force = vld3(scratch, x.first + WEIGHT, 8)
+    base = vld3(scratch, x.first + BASE, 8)
     for a in range(at.nn):
         m = 0.0
         for g in range(beam.mass_point.shape[1]):
             m += beam.mass_point[1, g] * beam.mass_shape[0, g, a]
-        height = m * dot(force, vld3(scratch, at.node * a, 8))
+        height = m * dot(force, base + vld3(scratch, at.node * a, 8))
+        add(scratch, x.first + STRETCH, -1.0 * height)
         vadd3(scratch, x.inertia + 96 * a, 8, (-m * mean) * force)
         for side in range(2):
             sign = 1.0 if side == 1 else -1.0
             to = 96 * (at.nn * side + a)
-            add(scratch, x.first + FORCES + 8 * side, -sign * height)
             vadd3(scratch, x.column + to, 8, (-0.5 * m * sign) * force)
             vadd3(scratch, x.line + to, 8, (-0.5 * m * sign) * force)
 
@@ -326,6 +335,10 @@ def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h):
         share_out(scratch, x, x.rows + i, x.rows + size + i)
         share_out(scratch, x, x.rows + 2 * size + i, x.rows + 3 * size + i)
     share_out(scratch, x, x.first + FORCES, x.first + FORCES + 8)
+    # the length is this share of the way between the places, to the last bit
+    force = (vld(scratch, x.first + SHARES + 8, 0) - vld(scratch, x.first + SHARES, 0)) * vld(scratch, x.first + STRETCH, 0)
+    add(scratch, x.first + FORCES, -1.0 * force)
+    add(scratch, x.first + FORCES + 8, force)
     for i in range(0, 32, 16):
         share_out(scratch, x, x.first + CORNER + i, x.first + CORNER + i + 8)
     for i in range(0, 16, 8):

@@ -7,13 +7,16 @@ Arrays: q_mid, q_end [12 N]; counts_out [5]; scratch [*], numbers of a group of 
 """
 from __future__ import annotations
 
-from fastbeam.kernels.algebra.blocks import TWELVE
+import numpy as np
+
+from fastbeam.kernels.algebra.blocks import THREE, TWELVE
 from fastbeam.kernels.algebra.lanes import gather_lanes
 from fastbeam.kernels.algebra.vectors import WIDTH, address, vld, vst
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.contact.moving_beam import MovingBeam, density_place, ends_of, height_of
 from fastbeam.kernels.contact.moving_elements import (
+    BASE,
     CORNER,
     FORCES,
     LENGTHS,
@@ -28,6 +31,10 @@ from fastbeam.kernels.contact.moving_elements import (
 from fastbeam.kernels.jit.decorators import kernel, separate
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, layout
 from fastbeam.kernels.terms import Conserving, account, assemble, spread_nodes, within_limits
+
+
+# an element may shrink to this share of its length in a step
+LEAST_RATIO = 1e-3
 
 
 @kernel
@@ -50,7 +57,9 @@ def put_ends(beam, k, scratch, x, state, work, h):
         ahead = rate_of(beam, beam.slot[e, 1], state, work, h)
         o = x.first + lane
         scratch[o + LENGTHS] = (beam.share[e, 1] - beam.share[e, 0]) * (b0 - a0)
-        scratch[o + LENGTHS + 8] = (beam.share[e, 1] - beam.share[e, 0]) * (b1 - a1)
+        # a step in which an element vanishes fails
+        ratio = (b1 - a1) / (b0 - a0)
+        scratch[o + LENGTHS + 8] = (beam.share[e, 1] - beam.share[e, 0]) * (b1 - a1) if ratio > LEAST_RATIO else np.nan
         for side in range(2):
             f = beam.share[e, side]
             scratch[o + SHARES + 8 * side] = f
@@ -62,12 +71,25 @@ def gather_moving(beam, k, at, x, step, state, work, h, dofs):
     """Gather coordinates, their mean rates, ends and momenta of the elements of group k into scratch."""
     no = beam.tables.meta[k, LIST]
     gather_group(beam.tables, no, at, step, beam.scratch, dofs)
-    # v + h u/2: differences of positions over h would be round-off of these
+    scratch = beam.scratch
     for a in range(at.nn):
-        gather_lanes(state.v, beam.tables.nodes, no + 8 * a, 12, beam.scratch, x.rows, TWELVE)
+        # v + h u/2: differences of positions over h would be round-off of these
+        gather_lanes(state.v, beam.tables.nodes, no + 8 * a, 12, scratch, x.rows, TWELVE)
         for i in range(0, 96, 8):
             o = at.rates + 96 * a + i
-            vst(beam.scratch, o, 0, vld(beam.scratch, x.rows + i, 0) + (0.5 * h) * vld(beam.scratch, o, 0))
+            vst(scratch, o, 0, vld(scratch, x.rows + i, 0) + (0.5 * h) * vld(scratch, o, 0))
+    # positions count from the first node: far from the origin strains would be round-off of them
+    for a in range(at.nn):
+        gather_lanes(state.q, beam.tables.nodes, no + 8 * a, 12, scratch, x.rows + 24 * a, THREE)
+    for i in range(0, 24, 8):
+        start = vld(scratch, x.rows + i, 0)
+        end = vld(scratch, 96 + i, 0)
+        vst(scratch, x.first + BASE + i, 0, 0.5 * (start + end))
+        for a in range(at.nn):
+            o = at.node * a + i
+            moved_end = vld(scratch, o + 96, 0) - end
+            vst(scratch, o + 96, 0, moved_end)
+            vst(scratch, o, 0, 0.5 * (vld(scratch, x.rows + 24 * a + i, 0) - start + moved_end))
     put_ends(beam, k, beam.scratch, x, state, work, h)
     points = beam.mass_point.shape[1]
     for g in range(points):

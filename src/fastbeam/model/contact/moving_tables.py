@@ -113,8 +113,7 @@ class Mesh:
             np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, places, row_of[places].astype(np.int64), share,
             np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
-            weight, np.array(section.C, dtype=float), reference, np.tile(np.repeat(reference, 8), weight.size),
-            np.array([0.5 * np.sum(weight) * (reference @ section.C @ reference)]), rho,
+            weight, np.array(section.C, dtype=float), reference, np.tile(np.repeat(reference, 8), weight.size), rho,
             rho[0] * np.asarray(gravity, dtype=float), held, row_of[held[:, 0]].astype(np.int64),
             np.stack((blocks.between(held[:, 0], held[:, 0]), blocks.between(*held.T)), axis=1).astype(np.int64).reshape(-1, 2),
             scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
