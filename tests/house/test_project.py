@@ -59,7 +59,7 @@ def test_every_page_is_part_of_the_site() -> None:
     # reports stand outside the menu, and a page of their own leads to them
     reports = {name for name in pages if name.startswith("reports/")} - {"reports/index.md"}
     assert sorted(listed) == sorted(pages - reports)
-    assert len(reports) == 5 and links("docs/reports/index.md") == {name.split("/")[1] for name in reports}
+    assert len(reports) == 6 and links("docs/reports/index.md") == {name.split("/")[1] for name in reports}
     assert links("docs/index.md") == {name for name in listed if "/" not in name or name.endswith("/index.md")} - {"index.md"}
 
 
