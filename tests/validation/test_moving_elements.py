@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -211,6 +212,44 @@ def test_what_moving_meshes_refuse() -> None:
         fb.compile_scene(fb.Scene(*scene.parts, other, mass, fb.Slider("second", mass, other, at=0.5)))
     with pytest.raises(fb.SceneError, match="move, so no node stays"):
         fb.simulate(model, t_end=0.01, step=0.01, points={"x": (beam, 0.5)}, progress=False)
+
+
+STEEL = fb.Section.circle(radius=0.006, E=2.1e11, rho=7850.0)
+
+
+@pytest.mark.parametrize("beam", [
+    fb.Beam.arc("beam", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=3.0, section=STEEL, elements=8),
+    fb.Beam.helix("beam", radius=0.2, pitch=-0.1, turns=4, section=STEEL, elements=24)], ids=["arc", "helix"])
+def test_an_unloaded_curved_beam_pushes_nothing(beam: fb.Beam) -> None:
+    """Elements of 0.4 to 1.3 rad: their interpolation strains them by 1e-4 to 1e-2."""
+    bead = fb.PointMass("bead", mass=0.05)
+    scene = fb.Scene(beam, bead, fb.Clamp(beam.start), fb.Clamp(beam.end), fb.Slider("run", bead, beam, at=0.4 * beam.length))
+    result = fb.simulate(fb.compile_scene(fb.with_moving_meshes(scene)), t_end=0.05, step=1e-3, progress=False)
+    moved = np.ptp(result.slider("run")["s"])
+    print(f"moved by {moved:.1e} m, strain energy {result.series['strain'].max():.1e} J")
+    # strains of an element are known to 1e-12 or better
+    assert moved < 1e-10 and result.series["strain"].max() < 1e-16
+
+
+def test_a_bead_on_a_helix_slides_alike_on_meshes_of_half_and_of_a_quarter_of_a_radian() -> None:
+    def end(each: int) -> float:
+        length = 8.0 * np.pi * np.hypot(0.2, 0.1 / (2.0 * np.pi))
+        ends = np.r_[np.linspace(0.0, 0.1, each + 1), np.linspace(0.1, length, 2 * each + 1)[1:]]
+        wire = fb.Beam.helix("wire", radius=0.2, pitch=-0.1, turns=4, section=STEEL, elements=ends)
+        bead = fb.PointMass("bead", mass=0.05)
+        slider = fb.Slider("run", bead, wire, at=0.1)
+        scene = fb.Scene(wire, bead, fb.Clamp(wire.start), fb.Clamp(wire.end), slider, fb.MovingMesh(wire, slider),
+                         gravity=(0, 0, -9.81))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = fb.simulate(fb.compile_scene(scene), t_end=0.8, step=2.5e-3, progress=False)
+        assert result.drift("total") < 1e-12
+        return float(result.slider("run")["s"][-1])
+    coarse, fine = end(12), end(24)
+    # a bead on a rigid helix slides g sin(slope) t^2/2
+    rigid = 0.1 + 0.5 * 9.81 * np.sin(np.arctan(0.1 / (0.4 * np.pi))) * 0.8**2
+    print(f"{coarse:.5f} m, {fine:.5f} m, rigid {rigid:.5f} m")
+    assert abs(coarse - fine) < 1e-3 * fine and abs(fine - rigid) < 0.1 * rigid
 
 
 ROPE = fb.Section.circle(radius=0.005, E=1e9, rho=1500)

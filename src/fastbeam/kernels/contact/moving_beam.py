@@ -42,8 +42,10 @@ class MovingBeam(NamedTuple):
     shape: np.ndarray    # float64 [2, points, n]: at points of the strain energy
     weight: np.ndarray   # float64 [points]
     stiffness: np.ndarray  # float64 [6, 6]
-    reference: np.ndarray  # float64 [6]
-    rest_strains: np.ndarray  # float64 [48 points]: the same in lanes, as the element loop takes them
+    reference: np.ndarray  # float64 [6]: strains of the reference curve
+    rest: np.ndarray     # float64 [K, points, 6]: length times strains of an element with nodes on it, by powers of its length
+    rest_until: np.ndarray  # float64 [1]: length up to which that holds
+    rest_slope: np.ndarray  # float64 [points, 6]: its derivative there, which it has beyond
     rho: np.ndarray      # float64 [4]: inertia of position and directors
     weighs: np.ndarray   # float64 [3]: rhoA times gravity
     held: np.ndarray     # int64 [H, 2]: nodes of contacts, and of points that multipliers hold there
@@ -116,6 +118,16 @@ def motion_of(beam, q, history, p_out):
 
 
 @kernel
+def rest_of(beam, g, i, h):
+    """Return strain i of the reference at point g of an element of length h."""
+    x = min(h, beam.rest_until[0])
+    value = 0.0
+    for k in range(beam.rest.shape[0] - 1, -1, -1):
+        value = value * x + beam.rest[k, g, i]
+    return (value + (h - x) * beam.rest_slope[g, i]) / h
+
+
+@kernel
 def energy_at(beam, e, g, q, h):
     """Return E C E of the strains (2.2) less those of the reference at a point with stored energy."""
     over = 1.0 / h
@@ -135,7 +147,7 @@ def energy_at(beam, e, g, q, h):
     out = 0.0
     for i in range(6):
         for j in range(6):
-            out += (strains[i] - beam.reference[i]) * beam.stiffness[i, j] * (strains[j] - beam.reference[j])
+            out += (strains[i] - rest_of(beam, g, i, h)) * beam.stiffness[i, j] * (strains[j] - rest_of(beam, g, j, h))
     return out
 
 

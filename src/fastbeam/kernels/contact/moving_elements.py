@@ -12,13 +12,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fastbeam.kernels.algebra.native import vadd3, vld, vld3, vst, vst3, vzero, vzero3
-from fastbeam.kernels.algebra.vectors import cross, dot
+from fastbeam.kernels.algebra.vectors import cross, dot, smaller
 from fastbeam.kernels.beams.motions import add_inertia, put_forms
 from fastbeam.kernels.beams.section_laws import stress_of
 from fastbeam.kernels.beams.strain_measures import add_forces, mean_of_forms, present_strains
 from fastbeam.kernels.beams.strains import interpolate, stresses
 from fastbeam.kernels.jit.decorators import inlined, kernel
-from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STEP, STRAINS
+from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STRAINS, TEMPORARY
 from fastbeam.kernels.terms import Conserving
 
 # numbers of an element behind its scratch of the element loop: lengths at both ends of the step, mean rates of both its ends, and
@@ -26,6 +26,8 @@ from fastbeam.kernels.terms import Conserving
 # derivatives by these places; the weight by length; the position of the first node in the middle of the step, from which those of
 # all nodes count
 LENGTHS, RATES, SHARES, FORCES, STRETCH, CORNER, WEIGHT, BASE, INERTIA = 0, 16, 32, 48, 64, 72, 104, 128, 152
+# of a point, behind six strains of the reference with the length at the start of the step, what `put_rest` stores
+REST_1, REST_SLOPE, REST_DIVIDED, REST_BEND, RESTS = 48, 96, 144, 192, 240
 
 
 class MovingStep(Conserving):
@@ -44,6 +46,7 @@ class Moved(NamedTuple):
     column: int    # derivatives of forces on coordinates by the places behind and ahead, 2 x n x 12
     line: int      # derivatives of forces on these places by coordinates at the end of the step, 2 x n x 12
     rows: int      # both, for unknowns: 4 x n x 6
+    rest: int      # strains of the reference that the element loop subtracts, of every point, then those of `put_rest`
     doubles: int
 
 
@@ -55,7 +58,8 @@ def moved(at, points):
     line = column + 192 * at.nn
     rows = line + 192 * at.nn
     momenta = rows + 192 * at.nn
-    return Moved(at.doubles, inertia, momenta, column, line, rows, momenta + 96 * points)
+    rest = momenta + 96 * points
+    return Moved(at.doubles, inertia, momenta, column, line, rows, rest, rest + 48 * at.nq + RESTS)
 
 
 @inlined
@@ -207,21 +211,47 @@ def product(law, tab, to, coupled, scratch, eo, other):
     return vld(tab, to, 0) * out
 
 
+@kernel
+def put_rest(beam, scratch, g, h0, h1, mean, o, lanes):
+    """Store strains of the reference at point g: with the lengths of both ends of the step, the derivative of length times strain
+    at the end, its divided difference over the step, the derivative of that by the length at the end; at `lanes` those that the
+    element loop subtracts."""
+    most = beam.rest_until[0]
+    x0 = smaller(h0, vzero() + most); x1 = smaller(h1, vzero() + most)
+    # share of the step with a length beyond that of the polynomial
+    beyond = (h1 - x1 - (h0 - x0)) / (h1 - h0 + 1e-300)
+    for i in range(6):
+        value = vzero(); divided = vzero(); slope = vzero()
+        # Horner's scheme for a polynomial, its divided difference, and the derivative of that
+        for k in range(beam.rest.shape[0] - 1, -1, -1):
+            slope = slope * x1 + divided
+            divided = divided * x1 + value
+            value = value * x0 + beam.rest[k, g, i]
+        vst(scratch, o + REST_SLOPE + 8 * i, 0, divided + (x1 - x0) * slope)
+        value += beam.rest_slope[g, i] * (h0 - x0)
+        divided += beyond * (beam.rest_slope[g, i] - divided)
+        end = value + (h1 - h0) * divided
+        vst(scratch, o + 8 * i, 0, value / h0)
+        vst(scratch, o + REST_1 + 8 * i, 0, end / h1)
+        vst(scratch, o + REST_DIVIDED + 8 * i, 0, divided)
+        vst(scratch, o + REST_BEND + 8 * i, 0, slope)
+        vst(scratch, lanes + 8 * i, 0, 0.5 * (value + end) / mean)
+
+
 @inlined
 def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
     """Add the forces of the stored energy on both ends of the elements, theory.md (5.22), and their derivatives. The strains are
     inversely proportional to the length of the element; tables: of the mean length."""
     zo = at.blocks
     eo = zo + STRAINS
-    # strains at the end and at the start with the mean length; less those of the reference, with their own; of the reference
-    ends, excess, rest = zo + BEFORE, zo + BEFORE + 112, zo + STEP
+    # strains with the mean length at the end and at the start, then less those of the reference and with their own; sums of two
+    ends, starts, excess, both, rest = zo + BEFORE, zo + BEFORE + 56, zo + BEFORE + 112, zo + TEMPORARY, x.rest + 48 * at.nq
     h0 = vld(scratch, x.first + LENGTHS, 0); h1 = vld(scratch, x.first + LENGTHS + 8, 0)
     mean = 0.5 * (h0 + h1)
-    before = vzero(); after = vzero(); force = vzero()
+    over = 1.0 / mean
+    force = vzero(); bend = vzero()
     column = x.column + 96 * at.nn
     line = x.line + 96 * at.nn
-    for i in range(6):
-        vst(scratch, rest + 8 * i, 0, beam.reference[i])
     for g in range(at.nq):
         to = at.point + at.point_size * g
         po = at.points + at.point_stride * g
@@ -231,29 +261,38 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
         end = put_forms.call(method, strains, scratch, zo)
         mean_of_forms.call(strains, scratch, eo, zo + end, ao)
         present_strains.call(strains, scratch, zo + END, ao, ends)
-        stresses(strains.law, strains, tab, to, coupled, scratch, eo, po, ao)
-        add_forces.call(strains, tab, to, at.nn, scratch, zo + MIDDLE, po, column)
-        stresses(strains.law, strains, tab, to, coupled, scratch, ends, po, ao + SHAPE)
-        add_forces.call(strains, tab, to, at.nn, scratch, zo + END, po, line)
+        put_rest(beam, scratch, g, h0, h1, mean, rest, x.rest + 48 * g)
         for i in range(0, 48, 8):
-            both = vld(scratch, eo + i, 0)
-            vst(scratch, ends + 56 + i, 0, 2.0 * both - vld(scratch, ends + i, 0))
+            e = vld(scratch, eo + i, 0)
+            vst(scratch, starts + i, 0, 2.0 * e - vld(scratch, ends + i, 0))
             # as the element loop forms them: then round-off of the stress does no work along an unstrained beam
-            vst(scratch, eo + i, 0, both - vld(scratch, rest + i, 0))
-        after += product(strains.law, tab, to, coupled, scratch, ends, ends)
-        before += product(strains.law, tab, to, coupled, scratch, ends + 56, ends + 56)
-        force -= product(strains.law, tab, to, coupled, scratch, eo, rest) / mean
-        for end in range(2):
-            own = h1 if end == 0 else h0
-            for i in range(0, 48, 8):
-                vst(scratch, excess + i, 0, (mean / own) * vld(scratch, ends + 56 * end + i, 0) - vld(scratch, rest + i, 0))
-            force -= (0.25 / (mean * mean)) * own * product(strains.law, tab, to, coupled, scratch, excess, excess)
-    bend = 0.25 * after / (h1 * h1) + 0.125 * (before / h0 + after / h1) / mean
-    of_column = -0.5 / mean
-    of_line = -0.5 / h1
+            e -= vld(scratch, x.rest + 48 * g + i, 0)
+            vst(scratch, eo + i, 0, e)
+            vst(scratch, both + i, 0, e + vld(scratch, rest + REST_SLOPE + i, 0))
+        stresses(strains.law, strains, tab, to, coupled, scratch, both, po, ao)
+        add_forces.call(strains, tab, to, at.nn, scratch, zo + MIDDLE, po, column)
+        force -= over * product(strains.law, tab, to, coupled, scratch, eo, rest + REST_DIVIDED)
+        bend += (0.5 * over * over) * product(strains.law, tab, to, coupled, scratch, both, rest + REST_DIVIDED)
+        bend -= over * product(strains.law, tab, to, coupled, scratch, eo, rest + REST_BEND)
+        for i in range(0, 48, 8):
+            vst(scratch, excess + i, 0, (mean / h0) * vld(scratch, starts + i, 0) - vld(scratch, rest + i, 0))
+        square = (over * over) * h0 * product(strains.law, tab, to, coupled, scratch, excess, excess)
+        for i in range(0, 48, 8):
+            e = (mean / h1) * vld(scratch, ends + i, 0) - vld(scratch, rest + REST_1 + i, 0)
+            vst(scratch, excess + i, 0, e)
+            vst(scratch, both + i, 0, e + vld(scratch, rest + REST_SLOPE + i, 0))
+        own = (over * over) * product(strains.law, tab, to, coupled, scratch, excess, excess)
+        square += h1 * own
+        force -= 0.25 * square
+        bend += 0.125 * over * square - 0.25 * own
+        bend += (0.5 * over * over) * product(strains.law, tab, to, coupled, scratch, excess, both)
+        for i in range(0, 48, 8):
+            vst(scratch, both + i, 0, vld(scratch, excess + i, 0) + vld(scratch, rest + REST_DIVIDED + i, 0))
+        stresses(strains.law, strains, tab, to, coupled, scratch, both, po, ao + SHAPE)
+        add_forces.call(strains, tab, to, at.nn, scratch, zo + END, po, line)
     for i in range(0, 96 * at.nn, 8):
-        y = of_column * vld(scratch, column + i, 0)
-        z = of_line * vld(scratch, line + i, 0)
+        y = (-0.5 * over) * vld(scratch, column + i, 0)
+        z = (-0.5 * over) * vld(scratch, line + i, 0)
         vst(scratch, column + i, 0, y); vst(scratch, x.column + i, 0, -1.0 * y)
         vst(scratch, line + i, 0, z); vst(scratch, x.line + i, 0, -1.0 * z)
     add(scratch, x.first + STRETCH, force)

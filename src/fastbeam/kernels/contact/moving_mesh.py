@@ -32,7 +32,6 @@ from fastbeam.kernels.jit.decorators import kernel, separate
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, layout
 from fastbeam.kernels.terms import Conserving, account, assemble, spread_nodes, within_limits
 
-
 # an element may shrink to this share of its length in a step
 LEAST_RATIO = 1e-3
 
@@ -116,7 +115,7 @@ def evaluate_moving(beam, k, state, work, h, dofs):
         tab = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
         of_lanes = address(scratch, lane)
         evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, x, h)
-        evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(beam.rest_strains, lane), of_lanes, at, case,
+        evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
     scatter_group(tables, k, at, 1, scratch, work.r, work.blocks, dofs)
     for lane in range(8):

@@ -25,6 +25,10 @@ Array = np.ndarray
 NO_SHAPE = np.zeros(0)
 # largest differences of reference strains along a beam with uniform strains
 UNIFORM = 1e-7
+# powers of the length by which strains of the reference are described
+POWERS = 12
+# up to this turn of an element, rad
+LARGEST_TURN = 2.0
 # smallest distance between two contacts, or a contact and an end, as a share of the beam; a run ends below it
 SHORTEST = 5e-4
 
@@ -113,10 +117,32 @@ class Mesh:
             np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, places, row_of[places].astype(np.int64), share,
             np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
-            weight, np.array(section.C, dtype=float), reference, np.tile(np.repeat(reference, 8), weight.size), rho,
+            weight, np.array(section.C, dtype=float), reference,
+            *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
             rho[0] * np.asarray(gravity, dtype=float), held, row_of[held[:, 0]].astype(np.int64),
             np.stack((blocks.between(held[:, 0], held[:, 0]), blocks.between(*held.T)), axis=1).astype(np.int64).reshape(-1, 2),
             scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+
+    def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
+        """Describe length times strains of an element whose nodes lie on the reference, which its interpolation does not strain:
+        by powers of its length [K, points, 6] up to a length [1], at most `longest`, and the derivative there [points, 6]."""
+        beam, x, bent = self.beam, unit.node_s, float(np.linalg.norm(self.reference[3:]))
+        shape = unit.phi.shape[1], 6
+        if not bent:
+            slope = np.broadcast_to(self.reference - beam.start_strain, shape).copy()
+            return np.stack((0.0 * slope, slope)), np.array([np.inf]), slope
+        until = min(longest, LARGEST_TURN / bent)
+        at = 0.5 - 0.5 * np.cos(np.pi * (np.arange(2 * POWERS) + 0.5) / (2 * POWERS))
+        found = []
+        for h in until * at:
+            phi, triads = (np.asarray(y) for y in beam.reference(h * x))
+            slopes = [np.einsum("gn,n...->g...", unit.phi_s[0], y - y[:1]) for y in (phi, triads)]
+            strains = strains_of(beam.strain, slopes[0], np.einsum("gn,nkc->gkc", unit.phi[0], triads), slopes[1])
+            found.append(strains / h - beam.start_strain)
+        fit = np.linalg.lstsq(np.vander(at, POWERS, increasing=True), np.reshape(found, (at.size, -1)), rcond=None)[0]
+        powers = np.arange(POWERS)[:, None, None]
+        rest = np.concatenate((np.zeros((1, *shape)), fit.reshape(POWERS, *shape) / until**powers))
+        return rest, np.array([until]), np.sum((powers + 1) * rest[1:] * until**powers, axis=0)
 
     def _tables(self, numbers: NodeList, nodes: Array, row_of: Array, block: Array, blocks: Any) -> ElementTables:
         """Pack the tables of the element loop: groups of 8 elements, each with constants of its own; nodes [E, n], block
