@@ -239,6 +239,13 @@ def put_rest(beam, scratch, g, h0, h1, mean, o, lanes):
 
 
 @inlined
+def combine(scratch, to, factor, a, sign, b):
+    """Store factor times the six strains at a plus sign times those at b."""
+    for i in range(0, 48, 8):
+        vst(scratch, to + i, 0, factor * vld(scratch, a + i, 0) + sign * vld(scratch, b + i, 0))
+
+
+@inlined
 def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
     """Add the forces of the stored energy on both ends of the elements, theory.md (5.22), and their derivatives. The strains are
     inversely proportional to the length of the element; tables: of the mean length."""
@@ -262,32 +269,25 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
         mean_of_forms.call(strains, scratch, eo, zo + end, ao)
         present_strains.call(strains, scratch, zo + END, ao, ends)
         put_rest(beam, scratch, g, h0, h1, mean, rest, x.rest + 48 * g)
-        for i in range(0, 48, 8):
-            e = vld(scratch, eo + i, 0)
-            vst(scratch, starts + i, 0, 2.0 * e - vld(scratch, ends + i, 0))
-            # as the element loop forms them: then round-off of the stress does no work along an unstrained beam
-            e -= vld(scratch, x.rest + 48 * g + i, 0)
-            vst(scratch, eo + i, 0, e)
-            vst(scratch, both + i, 0, e + vld(scratch, rest + REST_SLOPE + i, 0))
+        combine(scratch, starts, 2.0, eo, -1.0, ends)
+        # as the element loop forms them: then round-off of the stress does no work along an unstrained beam
+        combine(scratch, eo, 1.0, eo, -1.0, x.rest + 48 * g)
+        combine(scratch, both, 1.0, eo, 1.0, rest + REST_SLOPE)
         stresses(strains.law, strains, tab, to, coupled, scratch, both, po, ao)
         add_forces.call(strains, tab, to, at.nn, scratch, zo + MIDDLE, po, column)
         force -= over * product(strains.law, tab, to, coupled, scratch, eo, rest + REST_DIVIDED)
         bend += (0.5 * over * over) * product(strains.law, tab, to, coupled, scratch, both, rest + REST_DIVIDED)
         bend -= over * product(strains.law, tab, to, coupled, scratch, eo, rest + REST_BEND)
-        for i in range(0, 48, 8):
-            vst(scratch, excess + i, 0, (mean / h0) * vld(scratch, starts + i, 0) - vld(scratch, rest + i, 0))
+        combine(scratch, excess, mean / h0, starts, -1.0, rest)
         square = (over * over) * h0 * product(strains.law, tab, to, coupled, scratch, excess, excess)
-        for i in range(0, 48, 8):
-            e = (mean / h1) * vld(scratch, ends + i, 0) - vld(scratch, rest + REST_1 + i, 0)
-            vst(scratch, excess + i, 0, e)
-            vst(scratch, both + i, 0, e + vld(scratch, rest + REST_SLOPE + i, 0))
+        combine(scratch, excess, mean / h1, ends, -1.0, rest + REST_1)
+        combine(scratch, both, 1.0, excess, 1.0, rest + REST_SLOPE)
         own = (over * over) * product(strains.law, tab, to, coupled, scratch, excess, excess)
         square += h1 * own
         force -= 0.25 * square
         bend += 0.125 * over * square - 0.25 * own
         bend += (0.5 * over * over) * product(strains.law, tab, to, coupled, scratch, excess, both)
-        for i in range(0, 48, 8):
-            vst(scratch, both + i, 0, vld(scratch, excess + i, 0) + vld(scratch, rest + REST_DIVIDED + i, 0))
+        combine(scratch, both, 1.0, excess, 1.0, rest + REST_DIVIDED)
         stresses(strains.law, strains, tab, to, coupled, scratch, both, po, ao + SHAPE)
         add_forces.call(strains, tab, to, at.nn, scratch, zo + END, po, line)
     for i in range(0, 96 * at.nn, 8):
