@@ -7,17 +7,16 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
-from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.moving_elements import moved
-from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInMatrix, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
 from fastbeam.kernels.forces.user_force import FACTOR, SIZE
-from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
+from fastbeam.kernels.layout import LIST, POINTS, REFERENCE, layout_of
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.linalg.substructures import Substructures, place_stores
 from fastbeam.kernels.state import CONTROLS, LastIncrement, Work, aligned

@@ -142,12 +142,14 @@ def energy_at(beam, e, g, q, h):
     k3 = over * sum_of(beam, e, beam.shape, 1, g, q, 3)
     c = 0.5 * (1.75 - 0.25 * (dot(d1, d1) + dot(d2, d2) + dot(d3, d3)))
     g2 = dot(f, d2); g3 = dot(f, d3)
-    strains = ((dot(f, f) - g2 * g2 - g3 * g3)**0.5, g2, g3, c * (dot(k2, d3) - dot(k3, d2)), c * (dot(k3, d1) - dot(k1, d3)),
-               c * (dot(k1, d2) - dot(k2, d1)))
+    strains = ((dot(f, f) - g2 * g2 - g3 * g3)**0.5 - rest_of(beam, g, 0, h), g2 - rest_of(beam, g, 1, h),
+               g3 - rest_of(beam, g, 2, h), c * (dot(k2, d3) - dot(k3, d2)) - rest_of(beam, g, 3, h),
+               c * (dot(k3, d1) - dot(k1, d3)) - rest_of(beam, g, 4, h),
+               c * (dot(k1, d2) - dot(k2, d1)) - rest_of(beam, g, 5, h))
     out = 0.0
     for i in range(6):
         for j in range(6):
-            out += (strains[i] - rest_of(beam, g, i, h)) * beam.stiffness[i, j] * (strains[j] - rest_of(beam, g, j, h))
+            out += strains[i] * beam.stiffness[i, j] * strains[j]
     return out
 
 

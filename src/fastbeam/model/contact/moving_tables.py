@@ -13,9 +13,8 @@ from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.strain_measures import SIMO_REISSNER
 from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.kernels.layout import BLOCKS, CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS
-from fastbeam.kernels.state import aligned
 from fastbeam.model.numbering import NodeList
-from fastbeam.model.tables import elements_of, group_tables, strains_of
+from fastbeam.model.tables import TablePool, elements_of, group_tables, strains_of
 from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import Beam, Slider
 from fastbeam.scene.interpolation.basis import Basis, build_basis
@@ -158,14 +157,13 @@ class Mesh:
         def in_lanes(x: Array) -> Array:
             return np.ascontiguousarray(x.reshape(groups, 8, -1).transpose(0, 2, 1)).astype(np.int64).reshape(-1)
 
-        k = np.arange(groups)
+        k, pool = np.arange(groups), TablePool()
         meta = np.zeros((groups, 8), np.int64)
         meta[:, NODES], meta[:, POINTS], meta[:, FACTORS] = n, elements.weight.shape[1], -1
-        meta[:, CONSTANTS], meta[:, LIST], meta[:, BLOCKS] = constants.shape[1] * k, 8 * n * k, 8 * n * n * k
+        meta[:, CONSTANTS], meta[:, LIST], meta[:, BLOCKS] = pool.append(constants), 8 * n * k, 8 * n * n * k
         meta[:, COUPLED] = bool(elements.coupled.any())
-        tab = aligned(constants.size)
-        tab[:] = constants.reshape(-1)
-        return ElementTables(meta, tab, in_lanes(nodes[lane]), in_lanes(np.where(live, row_of[nodes[lane]], row_of.size)),
+        rows = np.where(live, row_of[nodes[lane]], row_of.size)
+        return ElementTables(meta, pool.array(), in_lanes(nodes[lane]), in_lanes(rows),
                              in_lanes(np.where(live, block[lane].reshape(lane.size, -1), blocks.n_blocks)))
 
 
