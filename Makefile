@@ -5,7 +5,7 @@ OUT ?= out
 BIN := $(VENV)/bin
 # the order of files is that of tests/conftest.py; a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
-# the tests in groups, each in processes of its own: one that has compiled hundreds of kinds of scenes may crash in llvmlite
+# the tests in groups, each in processes of its own, all of them even if one fails: one that has compiled hundreds of kinds of scenes may crash in llvmlite
 GROUP_1 := $(addprefix tests/,compile dynamics gradients interface kernels linalg model)
 GROUP_2 := $(addprefix --ignore=,$(GROUP_1) tests/validation tests/house) tests
 GROUP_3 := $(wildcard tests/validation/test_[a-m]*.py)
@@ -36,10 +36,10 @@ demo: $(VENV)/.installed
 	$(BIN)/python -m fastbeam run ring_on_cable --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(foreach k,1 2 3 4,$(BIN)/python -m pytest $(PARALLEL) $(GROUP_$(k)) &&) true
+	failed=0; $(foreach k,1 2 3 4,$(BIN)/python -m pytest $(PARALLEL) $(GROUP_$(k)) || failed=1;) exit $$failed
 
 test-slow: $(VENV)/.installed-dev
-	$(foreach k,1 2 3 4,$(BIN)/python -m pytest $(PARALLEL) -m slow $(GROUP_$(k)) &&) true
+	failed=0; $(foreach k,1 2 3 4,$(BIN)/python -m pytest $(PARALLEL) -m slow $(GROUP_$(k)) || failed=1;) exit $$failed
 
 test-plain: $(VENV)/.installed-dev
 	FASTBEAM_PLAIN_NUMBA=1 $(BIN)/python -m pytest -q $(PLAIN_TESTS)
