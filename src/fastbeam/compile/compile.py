@@ -21,7 +21,7 @@ import numpy as np
 from fastbeam.compile.condense import Condensed
 from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
-from fastbeam.compile.moving_meshes import IN_SPACE, initial, rewrite, with_tables
+from fastbeam.compile.moving_meshes import rewrite, with_tables
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
@@ -34,7 +34,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.nodes import Bodies, Held
 from fastbeam.kernels.beams.nodes_without_mass import Knots
 from fastbeam.kernels.beams.ties import TARGET, Ties
-from fastbeam.kernels.contact.slider import Sliders
+from fastbeam.kernels.contact.slider import Sliders, no_following
 from fastbeam.kernels.forces.drag import Wind
 from fastbeam.kernels.layout import POSITION
 from fastbeam.kernels.terms import LoadVectors, NoTies
@@ -42,6 +42,7 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import Connections
 from fastbeam.model.contact.sleeves import SleeveContact, sleeves_of, twist_friction_of, with_twist
 from fastbeam.model.contact.slider_forces import slider_forces_of
+from fastbeam.model.contact.moving_meshes import IN_SPACE
 from fastbeam.model.contact.sliders import SlidingContact
 from fastbeam.model.controllers import Controllers
 from fastbeam.model.forces.added_mass import Added
@@ -104,15 +105,16 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if not isinstance(scene, Scene):
         raise SceneError(f"compile_scene: needs a Scene, got {shown(scene)}; put the parts into one: "
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
-    as_given, moving = scene, rewrite(scene)
-    if moving is not None:
+    as_given, rewritten = scene, rewrite(scene)
+    meshes = [] if rewritten is None else rewritten.meshes
+    if rewritten is not None:
         if planar is True:
             raise _out_of_plane(scene, IN_SPACE)
-        scene, planar, condense = moving.scene, False, False
+        scene, planar, condense = rewritten.scene, False, False
     scene.check()
-    numbered = number(scene)
-    unpacked = unpack(scene, numbered, pack_at_rest, None if moving is None else initial(moving, numbered, pack_at_rest))
-    found, not_planar = find_plane(unpacked) if planar else (None, "planar=False" if moving is None else IN_SPACE)
+    numbered = number(scene, meshes)
+    unpacked = unpack(scene, numbered, pack_at_rest, meshes)
+    found, not_planar = find_plane(unpacked) if planar else (None, IN_SPACE if meshes else "planar=False")
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
@@ -121,7 +123,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if condensed.carriers is not None:
         constraints -= sum(1 + isinstance(scene.sliders[k], Sleeve) for k in condensed.carriers.slider.tolist())
     ordered = order(numbered, condensed, solver, eliminate_inner, constraints, kept)
-    model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
+    model = with_tables(pack(scene, unpacked, condensed, ordered), scene, meshes, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # copies of the scene, because the user may add parts to it before other models of it are compiled
     as_compiled, numbered_as = copy(as_given), copy(scene)
@@ -360,7 +362,7 @@ def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> S
             corners[c, *place] = -1 if track is None else len(every), is_sharp
             every += [] if track is None else [track]
     spans = {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
-    return SlidingContact(scene.sliders, pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)),
+    return SlidingContact(scene.sliders, pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64), no_following(point.size)),
                           sleeves_of(scene, nodes, kept), np.array([slider.beam.length for slider in scene.sliders]), spans,
                           corners, tuple(track.node_s for track in every))
 

@@ -5,7 +5,7 @@ adds an entry from outside (docs/extending.md).
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,6 +25,7 @@ from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
 from fastbeam.kernels.terms import Conserving, NoTies, assemble
 from fastbeam.model.connections import Connections
+from fastbeam.model.contact.moving_tables import Mesh
 from fastbeam.model.feature import Feature
 from fastbeam.model.forces.bushings import BushingRows, bushings
 from fastbeam.model.forces.failed_laws import Lawful
@@ -275,15 +276,16 @@ class Links:
 
     joints: connections; ball joints of its `loops` have multipliers.
     hinges: int [*, 2], ball joints of nets.
+    meshes: those that move with contacts.
     Raises SceneError: a link that makes no sense where its ends are, as a distance joint between points at the same place.
     """
 
-    def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
+    def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array, meshes: Sequence[Mesh]) -> None:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((nodes.ends(scene.balls), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
         self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
-        self.meshes = scene.moving
+        self.meshes = meshes
         self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
@@ -337,7 +339,7 @@ class Links:
     def touched(self) -> Array:
         """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
         own = [self.loaded.node, self.ropes.node.reshape(-1)]
-        own += [nodes[nodes >= 0] for nodes in (mesh.nodes(self.nodes) for mesh in self.meshes)]
+        own += [mesh.nodes(self.nodes).reshape(-1) for mesh in self.meshes]
         return np.unique(np.concatenate([*own, *(group.node.reshape(-1) for group in self.groups)]))
 
     @property

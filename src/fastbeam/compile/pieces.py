@@ -42,9 +42,6 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     goes_on[first_and_last[:, 1]] = False
     chain = np.flatnonzero(goes_on)
     contacts = np.array([(nodes.number(s.point), nodes.start(s.beams[0])) for s in scene.sliders], np.int64).reshape(-1, 2)
-    # the node of a place on a moving mesh belongs to its beam
-    contacts = np.concatenate((contacts, *(np.array([(nodes.start(place), nodes.start(mesh.beam))], np.int64)
-                                           for mesh in scene.moving for place in mesh.places)))
     linked = nodes.ends(scene.links)
     for winch in scene.winches:
         points = [nodes.start(x) for x in (winch.coil, *winch.points)]

@@ -181,7 +181,7 @@ def _left_out(scene: Scene, model: Model) -> list[str]:
              ("bodies and masses (none)", model.bodies is None),
              ("connections (none)", model.ties is None),
              ("supports (none)", model.held is None),
-             ("sliders (none)", model.sliders is None and model.moving is None),
+             ("sliders (none)", model.sliders is None),
              ("green_lagrange strains (no beam uses them)", model.green is None),
              ("simo_reissner strains (no beam uses them)", model.simo is None),
              ("sparse solver (chains only)", model.pattern.plan is not None),

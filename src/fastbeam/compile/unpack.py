@@ -1,17 +1,18 @@
 """Second stage of the compiler: elements, bodies, loads and the initial state as arrays, before anything is packed."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fastbeam.compile.initial import initial_rates, state_without_velocities
-from fastbeam.compile.numbered import Numbered
+from fastbeam.compile.numbered import Numbered, number
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
 from fastbeam.model.connections import Connections
+from fastbeam.model.contact.moving_tables import Mesh
 from fastbeam.model.forces.added_mass import Added, added_of
 from fastbeam.model.forces.damping_and_drag import Dragged, dragged_of
 from fastbeam.model.forces.nonlinear_sections import NonlinearSections, nonlinear_of
@@ -81,36 +82,31 @@ class Unpacked:
         return self.numbered.joints
 
 
-def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], Model], known: State | None = None) -> Unpacked:
+def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], Model], meshes: Sequence[Mesh] = ()) -> Unpacked:
     """Return the arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected;
-    known: the initial state, where that is not the one of the scene. Raises SceneError: initial velocities that a connection, a
+    meshes: those that move with contacts, whose elements are left out, but for the initial state. Raises SceneError: initial velocities that a connection, a
     support or a slider does not allow."""
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
-                if all(part is not mesh.beam for mesh in scene.moving)]
+                if all(part is not mesh.beam for mesh in meshes)]
     loads = _loads(scene, nodes, elements, joints.row_root)
-    state = state_without_velocities(scene, nodes, kept) if known is None else known
+    standing = unpack(scene, number(scene), pack) if meshes else None
+    state = state_without_velocities(scene, nodes, kept) if standing is None else standing.state
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     found = Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, (),
                      prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
                      nonlinear_of(scene), added_of(scene, nodes, elements))
-    if known is not None:
-        return found
+    if standing is not None:
+        return replace(found, notes=standing.notes)
     v, notes = initial_rates(scene, nodes, numbered.joints_at_start, elements, kept, lambda: pack(scene, found))
     return replace(found, state=state._replace(v=v), notes=notes)
 
 
-def _with_mass(scene: Scene) -> list[Any]:
-    """Return bodies and masses, without the places of moving meshes."""
-    places = {place for mesh in scene.moving for place in mesh.places}
-    return [part for part in [*scene.bodies, *scene.masses] if part not in places]
-
-
 def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
     """Return the nodes [B] of bodies and masses, and their inertia [B, 4, 4]."""
-    parts = _with_mass(scene)
+    parts = [*scene.bodies, *scene.masses]
     number = [np.array([nodes.start(p) for p in parts], np.int64)]
     inertia = [np.zeros((len(parts), 4, 4))]
     for k, part in enumerate(parts):
@@ -146,16 +142,13 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
     at = [part.nodes.reshape(-1) for part in elements]
     share = [(part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)).reshape(-1) for part in elements]
     weight = np.bincount(np.concatenate(at), np.concatenate(share), minlength=n) if at else np.zeros(n)
-    for body in _with_mass(scene):
+    for body in [*scene.bodies, *scene.masses]:
         weight[nodes.start(body)] += body.mass
     for net in scene.nets:
         if net.masses is not None:
             weight[nodes.start(net) + net.junction] += net.masses
     if np.any(scene.gravity):
         add(scene.gravity_time, np.arange(n), weight[:, None] * scene.gravity)
-        for mesh in scene.moving:
-            # 1 on a fixed coordinate, from which contact/moving_mesh.py reads the factor of gravity
-            first[nodes.start(mesh.places[0]), 1] = 1.0
     constant = np.zeros((n, 3))
     for net in scene.nets:
         if net.loads is not None:

@@ -1,5 +1,5 @@
-"""Coordinates of a run that have bounds, at ends of beams and rigid stops: arc lengths of sliders or, with moving meshes, ways
-between their contacts, then coordinates of joints that may stick."""
+"""Coordinates of a run that have bounds, at ends of beams and rigid stops: arc lengths of sliders, with moving meshes ways between
+their contacts, then coordinates of joints that may stick."""
 from __future__ import annotations
 
 from typing import Any
@@ -63,11 +63,12 @@ class OfMovingMeshes(OfSliders):
     def __init__(self, model: Model) -> None:
         super().__init__(model)
         self.moving: Any = model.moving
-        self.scales = self.moving.gaps(model.q0.reshape(-1))[2]
+        self.scales = self.moving.gaps(model.s0)[2]
+        self.has_rigid_stops = False
 
     def limits(self, state: State) -> Array:
         """Return the bounds of each way, float64 [n, 2]: that of the mesh at the start, none at the end."""
-        least = self.moving.gaps(state.q)[1]
+        least = self.moving.gaps(state.s)[1]
         return np.stack((least, np.full(least.size, np.inf)), axis=1)
 
     def slack(self, limits: Array) -> Array:
@@ -76,11 +77,15 @@ class OfMovingMeshes(OfSliders):
 
     def at(self, state: State) -> Array:
         """Return the ways in a state, [n]."""
-        return self.moving.gaps(state.q)[0]
+        return self.moving.gaps(state.s)[0]
 
     def tried(self, stepper: Stepper) -> Array:
         """Return the ways at the end of the last step that was solved for, [n]."""
-        return self.moving.gaps(stepper.work.q_end)[0]
+        return self.moving.gaps(stepper.work.s_end)[0]
+
+    def restitution(self, state: State, i: int, at_end: bool) -> float | None:
+        """Return None: contacts do not strike each other."""
+        return None
 
 
 class OfJoints:
@@ -116,12 +121,14 @@ class OfJoints:
 
 
 class Bounded:
-    """All coordinates with bounds of a model: those of sliders or moving meshes, then those of joints; scales: float64 [n],
+    """All coordinates with bounds of a model: those of sliders, of moving meshes, then those of joints; scales: float64 [n],
     lengths of beams, m; large values of coordinates of joints, m or rad."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.kinds: list[OfSliders | OfJoints] = [OfSliders(model) if model.moving is None else OfMovingMeshes(model)]
+        self.kinds: list[OfSliders | OfJoints] = [OfSliders(model)]
+        if model.moving is not None:
+            self.kinds.append(OfMovingMeshes(model))
         if model.motions is not None and model.motions.holds.rubs.size:
             self.kinds.append(OfJoints(model))
         self.scales = _joined([kind.scales for kind in self.kinds])
@@ -154,7 +161,9 @@ def vanishing(model: Model, state: State, h: float) -> Array:
     elements vanish, no step converges."""
     if model.moving is None:
         return np.zeros(0, np.int64)
-    ahead, least, _ = model.moving.gaps(state.q + h * state.v)
+    s = state.s.copy()
+    s[model.moving.sliders] += h * model.moving.places_in(state.history)
+    ahead, least, _ = model.moving.gaps(s)
     return np.flatnonzero(ahead < least)
 
 

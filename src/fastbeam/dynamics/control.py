@@ -75,7 +75,7 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
         return spent, "End the run earlier, give more rope, or brake the drum (tension=, inertia=)"
     run_out = vanishing(stepper.model, stepper.state, h)
     if run_out.size:
-        found = stepper.model.moving.at_end(int(run_out[0]), stepper.state.q)
+        found = stepper.model.moving.at_end(int(run_out[0]), stepper.state.s)
         return f"in this step {found['text'].replace('came', 'comes')}", "Use smaller steps"
     names, contact = stepper.model.constraint_names, stepper.contact
     if outcome.status == SLIDER_END and 0 <= outcome.slider < stepper.model.n_sliders:
@@ -126,7 +126,8 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
         return min((float((high_end[k] - s[k] if end else s[k] - low_end[k]) / lengths[k]), k) for k, end in leaving.items())
 
     if failed:
-        leaving.update(dict.fromkeys(vanishing(stepper.model, stepper.state, h).tolist(), 0.0))
+        ways = stepper.model.n_sliders + vanishing(stepper.model, stepper.state, h)
+        leaving.update(dict.fromkeys(ways.tolist(), 0.0))
     high, f_high = 1.0, -way(bounded.at(stepper.state))[0] if failed else distance_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))

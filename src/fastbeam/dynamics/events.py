@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fastbeam.dynamics.bounds import OfMovingMeshes
 from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.control import (
     END_TOLERANCE,
@@ -211,7 +212,7 @@ class Encounters:
         kind = bounded.kind_of(k)[0]
         found = self.locking.at_end(self.stepper.state, k, end == "end", is_impact) if k < self.model.n_sliders else []
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(bounded.scales[k])
-        if self.model.moving is not None and not arrives and not is_impact:
+        if isinstance(kind, OfMovingMeshes) and not arrives:
             # in steps that are long against an element that vanishes no motion is right
             self.stepper.load(start)
             raise failure(self.stepper, replace(outcome, status=NOT_CONVERGED, steps=0), t, self.steps, h)
@@ -242,8 +243,8 @@ class Encounters:
         self.between = False
         if is_impact or found:
             raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
-        if self.model.moving is not None:
-            found = self.model.moving.at_end(k, self.stepper.state.q)
+        if isinstance(kind, OfMovingMeshes):
+            found = self.model.moving.at_end(bounded.kind_of(k)[1], self.stepper.state.s)
         else:
             name = self.model.names["sliders"][k]
             found = {"slider": name, "end": end, "s": s, "text": f"slider {name!r} reached the {end} of its {self.model.track}"}
@@ -256,7 +257,7 @@ class Encounters:
         of, i = self.impacts.bounded.kind_of(k)
         kind, name = of.named(i)
         if kind == "slider" and self.control is None:
-            self.watch.blow(k if self.model.moving is None else self.model.moving.names.index(name), name, t, self.step)
+            self.watch.blow(k, name, t, self.step)
         if self.impacts.number <= MOST_NAMED:
             self.event({"kind": "impact", "time": t, kind: name, "end": end,
                         "text": f"{kind} {name!r} hit its stop at the {end} at t = {t:.6g} s"})

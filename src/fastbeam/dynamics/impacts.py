@@ -25,7 +25,7 @@ class Impacts:
     """Impacts of a run on rigid stops.
 
     model: Model with tables in space.
-    times: float64 [S + R, 2], times of the last impact of every slider, or way between contacts of moving meshes, and every
+    times: float64 [S + R, 2], times of the last impact of every slider, way between contacts of moving meshes, and every
         coordinate of a joint that may stick, at the start and the end, s, at first those of an earlier run; NEVER where there
         was none. None where nothing has rigid stops.
     number: number of impacts in this run.

@@ -32,6 +32,7 @@ from fastbeam.kernels.measures import slider_motion
 from fastbeam.kernels.state import State
 from fastbeam.model.gap_rows import ConstraintGaps
 from fastbeam.model.model import Model
+from fastbeam.model.rates import rates_in
 from fastbeam.model.start import AT_STOP
 from fastbeam.model.workspace import contact_of
 from fastbeam.scene.checks import called
@@ -147,7 +148,7 @@ class Locking:
         model = self.model
         rates = np.zeros(model.n_sliders)
         if self._contact is not None:
-            slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders),
+            slider_motion(model.curves, model.sliders, self._contact, state, np.zeros(3 * model.n_sliders),
                           rates)
         return np.array([self._value(x, state, t, rates) for x in self._watched])
 
@@ -336,7 +337,7 @@ class Locking:
         state = State(*(x.copy() for x in state))
         if awaited.action == LOCK:
             gaps = ConstraintGaps(self.model).at(state.q, state.s)
-            _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, x.v) * gaps.tangents[k])
+            _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, rates_in(self.model, x)) * gaps.tangents[k])
         own = self.model.along_of(state.history)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:

@@ -14,6 +14,7 @@ from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.state import State
 from fastbeam.model.gap_rows import ConstraintGaps, across_of
 from fastbeam.model.model import Model
+from fastbeam.model.rates import rates_in
 
 Array = np.ndarray
 # a point is beside the beam, not beyond its ends, and meets it, within this share of its length
@@ -70,12 +71,12 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
     state.s[k] = place.s
     gaps = ConstraintGaps(model).at(state.q, state.s)
     of_point, tangent = gaps.rates[3 * k:3 * k + 3], gaps.tangents[k]
-    relative = of_point @ state.v
+    relative = of_point @ rates_in(model, state)
     stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0
     lead = across_of(tangent) if stays else place.normal[None]
 
     def change(begin: State) -> Array:
-        rates = lead @ (of_point @ begin.v)
+        rates = lead @ (of_point @ rates_in(model, begin))
         return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
 
     _, state, loss = blow(model, state, k, lead, change)
@@ -87,7 +88,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
         if model.slider_forces.tables.drive[k] == INCREMENT:
             # the blow of a drive that gives its velocity along the beam; its work counts as the drive's
             speed = model.slider_forces.speed_given(k, t)
-            state, work = jump(model, state, k, np.eye(3), speed * tangent - of_point @ state.v)
+            state, work = jump(model, state, k, np.eye(3), speed * tangent - of_point @ rates_in(model, state))
             own = model.along_of(state.history)
             own[k, DRIVE_WORK] -= work
             own[k, SIGN] = np.sign(speed)

@@ -67,13 +67,11 @@ class Reactions:
         self.ties = None if core.ties is None else Calls((core.ties,), ADDED)
         self._system: SystemRecord | None = None
         names = {name: k for k, name in enumerate(stepper.model.constrained_joint_names)}
-        # forces of joints with multipliers between two nodes: joint, link, first multiplier, factor of these; what acts on the
-        # places of contacts on moving meshes is no force in space
-        line = set() if stepper.model.moving is None else set(stepper.model.moving.line.tolist())
+        # forces of joints with multipliers between two nodes: joint, link, first multiplier, factor of these
         kept = stepper.model.kept
         begins = 3 * stepper.model.n_sliders + np.cumsum([0, *(link.forces(3) for link in kept)])
         self.links = [(names[one.joint], one, at, factor) for link, at in zip(kept, begins.tolist())
-                      for factor, one in link.shares if not line.intersection(one.node)]
+                      for factor, one in link.shares]
         self.rows = core.pattern.row_of
         self.count = len(stepper.model.reaction_names)
         n = len(holding.parent)

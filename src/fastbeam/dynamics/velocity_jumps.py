@@ -26,8 +26,9 @@ from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import nearest_by
 from fastbeam.model.connections import components
 from fastbeam.model.gap_rows import ConstraintGaps, across_of
-from fastbeam.model.maps import free_unknowns, mass_map, rates_map, velocities_and_spins
+from fastbeam.model.maps import mass_map, velocities_and_spins
 from fastbeam.model.model import Model
+from fastbeam.model.rates import Motions, rates_in, unknowns_in, with_rates
 from fastbeam.model.start import active_supports
 
 Array = np.ndarray
@@ -65,7 +66,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     history = state.history.copy()
     bounces = -1 - k if k is not None and k < 0 and change.size else -1
     found = _with_stops(equations, history, bounces, rest or {})
-    v = state.v + found.by
+    v = equations.rates + found.by
     if model.slider_forces is not None:
         own = model.along_of(history)
         after = equations.along_beams(v)
@@ -91,7 +92,7 @@ def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
         rests = np.flatnonzero(model.motions.holds.numbers(state.history)[:, joint_friction.AGAINST]).tolist()
     equations = Equations(model, state, k, None, np.zeros(0))
     rows = equations.coordinates[[j for j in rests if j != meets]]
-    goals = -(rows @ state.v)
+    goals = -(rows @ equations.rates)
     if not equations.ask(goals):
         return state, 0.0
     return equations.behind(equations.least(rows, goals), state.history.copy())
@@ -125,7 +126,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     free, before = settled(model, start, -1 - i)
     rows = ConstraintGaps(model)
     row = rows.at(state.q, state.s).rates[rows.coordinates[i]]
-    rate = float((row @ free.v)[0])
+    rate = float((row @ rates_in(model, free))[0])
     bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
     rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}
     after, loss = jump(model, free, -1 - i, row[:int(bounces)], np.full(int(bounces), -(1.0 + restitution) * rate), rest)
@@ -149,11 +150,11 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     side, gaps = 1.0 if at_end else -1.0, ConstraintGaps(model).at(state.q, state.s)
 
     def change(begin: State) -> Array:
-        rate = gaps.along(k, begin.v)
+        rate = gaps.along(k, rates_in(model, begin))
         return -(1.0 + restitution * (side * rate > 0.0)) * rate * gaps.tangents[k]
 
     begin, after, loss = blow(model, state, k, np.eye(3), change)
-    rate = gaps.along(k, begin.v)
+    rate = gaps.along(k, rates_in(model, begin))
     own = model.along_of(after.history)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
@@ -168,19 +169,30 @@ def of_momenta(model: Model, state: State) -> State:
     """Return the state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none,
     to second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own:
     jumps begin here and end with `with_momenta`."""
-    q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
-    to_rates, free = rates_map(model, q), free_unknowns(model, state)
-    lift = to_rates[:, free]
-    inertia = mass_map(model)
-    momentum = inertia @ state.v
+    motions = Motions(model, state)
+    free, lift = motions.free, motions.lift
+    momentum = mass_map(model) @ state.v
     if model.moving is not None:
-        inertia = inertia + model.moving.inertia(state.q)
-        momentum += model.moving.momentum(state.history, state.q)
-    found = velocities_and_spins(q, v).reshape(-1)
-    missing = momentum - inertia @ (to_rates @ found)
-    mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
-    found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ missing, HOLD)[0]
-    return State(state.q, to_rates @ found, state.s, state.force, state.history)
+        momentum = np.concatenate((momentum, np.zeros(model.moving.sliders.size)))
+        momentum += model.moving.momentum(state.history, state.q, state.s)
+    found = unknowns_in(model, state)
+    missing = momentum - motions.inertia @ (motions.to_rates @ found)
+    rows = _at_contacts(model, state) @ lift
+    found[free] = nearest_by(motions.mass, rows, np.zeros(rows.shape[0]), found[free], motions.turns, lift.T @ missing, HOLD)[0]
+    return with_rates(model, state, motions.to_rates @ found, state.history.copy())
+
+
+def _at_contacts(model: Model, state: State) -> Any:
+    """Return the rates of points, and of sections in sleeves, relative to the nodes of moving meshes at them, sparse
+    [m, 12 N + P]."""
+    if model.moving is None:
+        return sparse.csr_matrix((0, state.v.size))
+    rows, sliders = ConstraintGaps(model), model.moving.sliders
+    of_sleeves = [x for (k, _), x in zip(model.sleeve_pairs, rows.moments) if k in sliders]
+    every = np.concatenate(((3 * sliders[:, None] + np.arange(3)).reshape(-1), *of_sleeves))
+    rates = rows.at(state.q, state.s).rates[every].tolil()
+    rates[:, state.v.size:] = 0.0
+    return rates.tocsr()
 
 
 def with_momenta(model: Model, state: State, before: State, after: State) -> State:
@@ -189,7 +201,7 @@ def with_momenta(model: Model, state: State, before: State, after: State) -> Sta
     by, history = after.v - before.v, after.history.copy()
     v = (state.v + by).reshape(-1, 12)
     if model.moving is not None:
-        model.moving.put_blow(history, state.q, by)
+        model.moving.put_blow(history, state.q, state.s, rates_in(model, after) - rates_in(model, before))
         alone = _alone_on_meshes(model)
         v[alone] = after.v.reshape(-1, 12)[alone]
     return State(state.q.copy(), v.reshape(-1), state.s.copy(), state.force.copy(), history)
@@ -219,9 +231,9 @@ def values_of(model: Model, state: State) -> Array:
 class Least(NamedTuple):
     """Jump of least kinetic energy."""
 
-    by: Array  # float64 [12 N]: changes of the rates of all coordinates
+    by: Array  # float64 [12 N + P]: changes of the rates of all coordinates, and of places of contacts on moving meshes
     impulses: Array  # float64 [m]
-    rows: Any  # sparse [m, 12 N]: directions in which the impulses act
+    rows: Any  # sparse [m, 12 N + P]: directions in which the impulses act
 
 
 class Equations:
@@ -229,11 +241,12 @@ class Equations:
     those of `settled`.
 
     given: bool [S], sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
-    coordinates: sparse [R, 12 N], rates of the coordinates of joints that may stick by those of all coordinates.
+    rates: float64 [12 N + P], rates of the state.
+    coordinates: sparse [R, 12 N + P], rates of the coordinates of joints that may stick by all rates.
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
-        self.model, self.state = model, state
+        self.model, self.state, self.rates = model, state, rates_in(model, state)
         own = model.along_of(state.history)
         rows = ConstraintGaps(model)
         self._gaps = gaps = rows.at(state.q, state.s)
@@ -257,50 +270,47 @@ class Equations:
             self._rows.append(sparse.csr_matrix(leads) @ self._of_slider(j))
             if settles:
                 # only a drive keeps a rate along the beam
-                relative = self._of_slider(j) @ state.v
+                relative = self._of_slider(j) @ self.rates
                 right.append(-leads @ (across.T @ across @ relative if j in self._drives or j == k else relative))
             else:
                 right.append(change if j == k else np.zeros(len(leads)))
         self._behind_joints = sum(x.size for x in right) + rows.joints.size
         others = gaps.rates[rows.others]
-        self._rows.append(others)
-        right.append(-(others @ state.v) if settles else np.zeros(others.shape[0]))
+        self._rows += [others, gaps.met]
+        right.append(-(others @ self.rates) if settles else np.zeros(others.shape[0]))
         # given coordinates keep their rates
         right[-1][:rows.joints.size][rows.given] = 0.0
+        right.append(-(gaps.met @ self.rates) if settles else np.zeros(gaps.met.shape[0]))
         self._goal = np.concatenate(right)
-        self._free = free_unknowns(model, state)
-        self._to_rates = rates_map(model, state.q.reshape(-1, 4, 3))
-        self._lift = self._to_rates[:, self._free]
-        self._inertia = mass_map(model)
-        if model.moving is not None:
-            self._inertia = self._inertia + model.moving.inertia(state.q)
-        self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
+        self._motions = Motions(model, state)
+        self._mass = self._motions.mass
 
     def ask(self, goals: Array) -> bool:
         """Return whether anything but round-off has to change, with changes of further rates."""
         wanted = float(np.max(np.abs(np.concatenate((self._goal, goals))), initial=0.0))
-        return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
+        return wanted > ROUND_OFF * float(np.max(np.abs(self.rates), initial=0.0))
 
     def _of_slider(self, j: int) -> Any:
-        """Return the velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
+        """Return the velocity of a point relative to its curve from all rates, sparse [3, 12 N + P]."""
         return self._gaps.rates[3 * j:3 * j + 3]
 
     def along_beams(self, v: Array) -> Array:
-        """Return ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
+        """Return ds/dt of all sliders at rates [12 N + P], m/s."""
         return np.array([self._gaps.along(j, v) for j in range(len(self._gaps.tangents))])
 
     def least(self, more: Any, goals: Array) -> Least:
-        """Find the jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
+        """Find the jump with which these rates [m] change, too; more: sparse [m, 12 N + P]."""
         every = sparse.vstack([*self._rows, more], format="csr")
-        x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
-                                 np.zeros(self._free.size), self._free % 6 >= 3)
-        return Least(np.asarray(self._lift @ x), impulses, every)
+        lift, turns = self._motions.lift, self._motions.turns
+        x, impulses = nearest_by(self._mass, (every @ lift).tocsr(), np.concatenate((self._goal, goals)), np.zeros(turns.size),
+                                 turns)
+        return Least(np.asarray(lift @ x), impulses, every)
 
     def behind(self, found: Least, history: Array) -> tuple[State, float]:
         """Return the state behind a jump, with a history that is changed, and the energy that it took, J."""
-        state, by, put_in = self.state, found.by, self._add_works(found, history)
-        after = State(state.q.copy(), state.v + by, state.s.copy(), state.force.copy(), history)
-        return after, put_in - float(by @ (self._inertia @ (state.v + 0.5 * by)))
+        by, put_in = found.by, self._add_works(found, history)
+        after = with_rates(self.model, self.state, self.rates + by, history)
+        return after, put_in - float(by @ (self._motions.inertia @ (self.rates + 0.5 * by)))
 
     def _add_works(self, found: Least, history: Array) -> float:
         """Work of drives and motors that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
@@ -308,19 +318,19 @@ class Equations:
         own = model.along_of(history)
         total = 0.0
         for j, at in self._drives.items():
-            work = float(impulses[at:at + 3] @ self._gaps.tangents[j]) * self._gaps.along(j, state.v)
+            work = float(impulses[at:at + 3] @ self._gaps.tangents[j]) * self._gaps.along(j, self.rates)
             own[j, DRIVE_WORK] += work
             total += work
         if model.motions is not None and model.motions.holds.given.size:
             given = model.motions.holds.given
             at = self._behind_joints - given.size + np.arange(given.size)
-            works = impulses[at] * (found.rows[at] @ state.v)
+            works = impulses[at] * (found.rows[at] @ self.rates)
             model.motions.own(history, model.place("motions"))[given, WORK] += works
             total += float(np.sum(works))
         supports = active_supports(model, state)
         if supports:
-            force = self._to_rates.T @ (self._inertia @ found.by - found.rows.T @ impulses)
-            force = force.reshape(-1, 6)[model.pattern.first_on_row]
+            force = self._motions.to_rates.T @ (self._motions.inertia @ found.by - found.rows.T @ impulses)
+            force = force[:6 * model.n_nodes].reshape(-1, 6)[model.pattern.first_on_row]
             q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
             for k, motion, node in supports:
                 fixed_components = (motion.mask >> np.arange(6) & 1).astype(bool)
@@ -341,7 +351,7 @@ def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[i
         return equations.least(rows, np.zeros(0))
     holds = model.motions.holds
     own = holds.numbers(history)
-    rates = rows @ state.v
+    rates = rows @ equations.rates
     off = values_of(model, state)[:, None] - holds.ends
     near = np.abs(off) <= AT_STOP * holds.scales[:, None]
     side = np.where(near[:, 1], 1.0, np.where(near[:, 0], -1.0, 0.0))
@@ -357,7 +367,7 @@ def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[i
     def jump_with(some: list[int]) -> tuple[Least, Array, float]:
         """Return the jump with these joints at rest, rates into stops behind it, and the rate that counts as zero."""
         found = equations.least(rows[some], -rates[some])
-        v = state.v + found.by
+        v = equations.rates + found.by
         return found, side[at_stop] * (rows[at_stop] @ v), MOVES * float(np.max(np.abs(v), initial=0.0))
 
     for _ in range(MOST_PIVOTS):
@@ -377,7 +387,7 @@ def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[i
                 break
         else:
             break
-    v = state.v + found.by
+    v = equations.rates + found.by
     for i, rate in enumerate((rows @ v).tolist()):
         if i in active:
             own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]

@@ -16,8 +16,8 @@ from fastbeam.kernels.algebra.vectors import WIDTH, address, dot, ld3, smaller
 from fastbeam.kernels.beams.section_laws import added_energy, added_stress
 from fastbeam.kernels.beams.strain_measures import strains_of_shape
 from fastbeam.kernels.beams.strains import interpolate
-from fastbeam.kernels.contact.curves import find_element, point_on_curve
-from fastbeam.kernels.contact.slider import motion_along
+from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, point_on_curve
+from fastbeam.kernels.contact.slider import NODE, motion_along
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, REFERENCE, STRAINS, TEMPORARY, layout
@@ -110,17 +110,23 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
     """Form the distance of every sliding point from its curve at s."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
-        e = find_element.call(curves, c, s[k], contact.element[k])
-        gap = ld3(q, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], q, e, contact, 0, SPACE)
+        node = sliders.following.at[k, NODE]
+        if node >= 0:
+            place = ld3(q, 12 * node_of.call(nodes_of.call(curves, c), node), 1)
+        else:
+            e = find_element.call(curves, c, s[k], contact.element[k])
+            place = point_on_curve(curves, c, s[k], q, e, contact, 0, SPACE)
+        gap = ld3(q, 12 * sliders.point[k], 1) - place
         gap_out[k] = dot(gap, gap)**0.5
 
 
 @kernel
-def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
-    """Form the derivative by s of the curve under every slider, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md 5.4)."""
+def slider_motion(curves, sliders, contact, state, tangent_out, rate_out):
+    """Form the derivative by s of the curve under every slider of a state, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md
+    5.4)."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
-        e = find_element.call(curves, c, s[k], contact.element[k])
-        tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, SPACE)
+        e = find_element.call(curves, c, state.s[k], contact.element[k])
+        tangent, relative = motion_along(curves, sliders, contact, state.q, state.v, state.s[k], state.history, k, e, SPACE)
         put(tangent_out, 3 * k, 1, tangent)
         rate_out[k] = dot(relative, tangent) / dot(tangent, tangent)

@@ -20,6 +20,7 @@ Array = np.ndarray
 class Stand(IntEnum):
     """Order of terms in a run, and of schedules in a span; sums are formed in this order."""
 
+    MOVING = auto()
     SLIDING = auto()
     INNER = auto()
     BEAMS = auto()
@@ -161,7 +162,7 @@ class Feature:
         return {}
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
-        """Add its kinetic energy and momenta to those of nodes, at the columns of `energies`."""
+        """Add its kinetic energy, momenta, and strain energy of elements to those of nodes, at the columns of `energies`."""
 
     def weight(self, model: Any, q: Array) -> float:
         """Return its energy in constant gravity at coordinates [12 N], J."""
@@ -188,10 +189,10 @@ class Feature:
     def start_history(self, own: Array, q: Array, v: Array) -> None:
         """Put the initial values of its history variables into `own`, at coordinates and rates [12 N], in a plane [4 N]."""
 
-    def start_momenta(self, own: Array, q: Array, v: Array) -> None:
-        """Put momenta that follow from coordinates and rates into its history variables."""
+    def start_momenta(self, own: Array, q: Array, v: Array, s: Array) -> None:
+        """Put momenta that follow from coordinates, rates and places of sliders [S] into its history variables."""
 
-    def misfit(self, own: Array, q: Array, v: Array) -> float:
+    def misfit(self, own: Array, q: Array, v: Array, s: Array) -> float:
         """Return the largest difference between velocities and those of the momenta in its history variables, m/s."""
         return 0.0
 

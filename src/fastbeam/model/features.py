@@ -226,27 +226,30 @@ class WithFeatures:
         return history[self._places[key]:][:self.by_key[key].history_size]
 
     # --- contents of the history --------------------------------------------------------------------------------------
-    def start_history(self, q: Array, v: Array) -> Array:
-        """Return the history of a start with coordinates and rates [12 N], in a plane [4 N]."""
+    def start_history(self, q: Array, v: Array, s: Array) -> Array:
+        """Return the history of a start with coordinates and rates [12 N], in a plane [4 N], and places of sliders [S]."""
         out = np.zeros(self.history_size)
         for x in self.features:
             x.start_history(self.own(out, x.key), q, v)
-            x.start_momenta(self.own(out, x.key), q, v)
+            x.start_momenta(self.own(out, x.key), q, v, s)
         return out
 
-    def start_momenta(self, history: Array, q: Array, v: Array) -> None:
-        """Put momenta that follow from coordinates and their rates [12 N], in a plane [4 N], into a history."""
+    def start_momenta(self, history: Array, q: Array, v: Array, s: Array) -> None:
+        """Put momenta that follow from coordinates and their rates [12 N], in a plane [4 N], and places of sliders [S], into a
+        history."""
         for x in self.features:
-            x.start_momenta(self.own(history, x.key), q, v)
+            x.start_momenta(self.own(history, x.key), q, v, s)
 
     def stop(self, state: State) -> None:
         """Set the velocities of a state, and the momenta in its history, to zero."""
         state.v[:] = 0.0
-        self.start_momenta(state.history, state.q, state.v)
+        if self.moving is not None:
+            self.moving.put_places(state.history, 0.0)
+        self.start_momenta(state.history, state.q, state.v, state.s)
 
     def momenta_misfit(self, state: State) -> float:
         """Return the largest difference between velocities of a state and those of the momenta in its history, m/s."""
-        return max((x.misfit(self.own(state.history, x.key), state.q, state.v) for x in self.features), default=0.0)
+        return max((x.misfit(self.own(state.history, x.key), state.q, state.v, state.s) for x in self.features), default=0.0)
 
     def turns_of(self, history: Array) -> Array:
         """Return the rotation vectors of supports since t = 0 in a history, for motions that turn, [3 K], rad: a view."""

@@ -35,11 +35,16 @@ class Gaps(NamedTuple):
     """Gaps of all constraints at one shape: S sliders, F multipliers."""
 
     values: Array   # float64 [F], m and rad; 0 for coordinates of joints and free twists
-    rates: Any      # sparse [F, 12 N]: derivatives by the rates of all coordinates; sliders follow their points along the beam
+    rates: Any      # sparse [F, 12 N + P]: derivatives by the rates of all coordinates, and of places of contacts on moving meshes;
+    #                 other sliders follow their points along the beam
     tangents: Array  # float64 [S, 3]: derivative by s of the curves under the sliders
+    met: Any        # sparse [P, 12 N + P]: rates of points along the beam, relative to the nodes of moving meshes at them
+    place: Array    # int64 [S]: numbers of the rates of places of contacts on moving meshes, -1 of other sliders
 
     def along(self, k: int, v: Array) -> float:
-        """Evaluate ds/dt of slider k at rates v [12 N] of all coordinates, m/s."""
+        """Evaluate ds/dt of slider k at rates v [12 N + P] of all coordinates and places, m/s."""
+        if self.met.shape[0] and self.place[k] >= 0:
+            return float(v[self.place[k]])
         tangent = self.tangents[k]
         return float((self.rates[3 * k:3 * k + 3] @ v) @ tangent / (tangent @ tangent))
 
@@ -103,14 +108,18 @@ class ConstraintGaps:
         assert not contact.full[0]
         values = contact.residual[self._of_force]
         values[self._unknown] = values[self._free] = 0.0
-        return values, contact.corner[:s.size, 24:27].copy()
+        tangents = contact.corner[:s.size, 24:27].copy()
+        if self._model.moving is not None:
+            tangents[self._model.moving.sliders] = q.reshape(-1, 4, 3)[self._model.moving.contacts, 1]
+        return values, tangents
 
     def at(self, q: Array, s: Array) -> Gaps:
         """Evaluate the gaps and their rates at coordinates q [12 N] and places s [S] of sliders."""
         n, contact = q.size // 12, self._contact
         values, tangents = self.values(q, s)
         if contact is None:
-            return Gaps(values, sparse.csr_matrix((0, q.size)), tangents)
+            none = sparse.csr_matrix((0, q.size))
+            return Gaps(values, none, tangents, none, np.zeros(0, np.int64))
         k, m = np.nonzero(np.arange(contact.row.shape[1]) < contact.entries[:, None])
         line = contact.line.reshape(*contact.row.shape, 6, 8)[k, m] * self._of_force[k][:, None]
         entry, unknown, gap = np.nonzero(line)
@@ -123,7 +132,22 @@ class ConstraintGaps:
             tangent = tangents[slider]
             follow[contact.first_force[c] + np.arange(3)[:, None], 3 * slider + np.arange(3)] = np.outer(
                 contact.cross[o, 1, :3], tangent / (tangent @ tangent))
-        return Gaps(values, follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3), np.unique(node)), tangents)
+        rates = follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3), np.unique(node))
+        if self._model.moving is None:
+            return Gaps(values, rates, tangents, rates[:0], np.full(len(tangents), -1))
+        return self._with_places(values, rates, tangents)
+
+    def _with_places(self, values: Array, rates: Any, tangents: Array) -> Gaps:
+        """Form the gaps of a model with moving meshes, where rates of points relative to beams are those relative to the nodes
+        there, which meet them, and of places."""
+        sliders = self._model.moving.sliders
+        row, column = 3 * sliders[:, None] + np.arange(3), np.broadcast_to(np.arange(sliders.size)[:, None], (sliders.size, 3))
+        axes = tangents[sliders].reshape(-1), (row.reshape(-1), column.reshape(-1))
+        along = sparse.csr_matrix(axes, shape=(self._size, sliders.size))
+        place = np.full(len(tangents), -1)
+        place[sliders] = rates.shape[1] + np.arange(sliders.size)
+        return Gaps(values, sparse.hstack([rates, along], format="csr"), tangents,
+                    sparse.hstack([along.T @ rates, sparse.csr_matrix((sliders.size, sliders.size))], format="csr"), place)
 
 
 def across_of(tangent: Array) -> Array:

@@ -10,6 +10,7 @@ from numpy.polynomial import legendre
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.curves import FIRST_NODE, MOST_NODES, NODES_OF_CURVE, TERMS, Curves, Paths
+from fastbeam.kernels.contact.slider import NODE
 from fastbeam.kernels.contact.slider_forces import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
 from fastbeam.kernels.joints.coordinates import MOTION, VALUE
 from fastbeam.kernels.layout import ARM, POSITION, TRIAD
@@ -83,7 +84,10 @@ def shapes_at(model: Model, k: int, s: float, derivatives: int = 2) -> tuple[Arr
     [1 to 3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
-    c = int(sliders.curve[k])
+    c, at = int(sliders.curve[k]), int(sliders.following.at[k, NODE])
+    if at >= 0:
+        # the contact is a node, which moves with it
+        return nodes_of_curve(curves, c)[at:at + 1], np.eye(derivatives + 1, 1)
     _, n, o, p, co = (int(i) for i in curves.meta[c])
     ends = curves.ends[o:o + n + 1]
     s = within_round(curves, c, s)
@@ -152,7 +156,7 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
     _carry_history(model, names, state, fresh)
     # violations of joints of this model are kept: the check at the start of a run measures them
     fresh.q[:], fresh.v[:] = (np.where(known[:, None, None], x, follow(model, x)).reshape(-1) for x in own)
-    model.start_momenta(fresh.history, fresh.q, fresh.v)
+    model.start_momenta(fresh.history, fresh.q, fresh.v, fresh.s)
     return fresh
 
 

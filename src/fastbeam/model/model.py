@@ -175,6 +175,12 @@ class Model(WithFeatures):
         sliders = np.flatnonzero(self.sleeves.of_slider >= 0)
         return np.stack((sliders, self.sleeves.first[0] + self.sleeves.of_slider[sliders]), axis=1)
 
+    @cached_property
+    def coupled(self) -> Array:
+        """Pairs of constraints that are coupled by own unknowns, int64 [O, 2]: `sleeve_pairs`, then contacts of moving meshes and the
+        next on their beams."""
+        return self.sleeve_pairs if self.moving is None else np.concatenate((self.sleeve_pairs, self.moving.pairs))
+
     @property
     def constraint_names(self) -> list[str]:
         """Sliders, joints with multipliers and moments of sleeves, for messages."""
@@ -300,7 +306,7 @@ class Model(WithFeatures):
 
     def state(self) -> State:
         """Return a new copy of the initial state."""
-        history = self.start_history(self.q0, self.v0)
+        history = self.start_history(self.q0, self.v0, self.s0)
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def ends_at(self, s: Array) -> Array:
@@ -318,8 +324,13 @@ class Model(WithFeatures):
 
     def step_limits_at(self, s: Array, history: Array | None) -> Array:
         """Return the arc lengths between which a step may lead sliders at s [S], float64 [S, 2]: as `limits_at`; infinite for
-        those that are locked or released, whose s stays to round-off, at an end of the beam too."""
+        those that are locked or released, whose s stays to round-off, at an end of the beam too, and for ends of moving meshes,
+        which keep a distance."""
         out = self.limits_at(s, history)
+        if self.moving is not None:
+            at = self.moving.sliders
+            ends = self.ends_at(s)[at]
+            out[at] = np.where(out[at] == ends, (-np.inf, np.inf), out[at])
         if self.slider_forces is not None:
             out[self.along_of(history)[:, HELD] != FREE] = -np.inf, np.inf
         return out

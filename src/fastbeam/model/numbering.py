@@ -9,7 +9,6 @@ import numpy as np
 
 from fastbeam.scene import Beam, Net, NodeRef, RigidBody, Scene
 from fastbeam.scene.fixed import Ground
-from fastbeam.scene.moving_mesh import LineOfPlaces, PlaceOnBeam
 from fastbeam.scene.nets import NetBeam
 from fastbeam.scene.placing import extent_of
 
@@ -118,9 +117,6 @@ class NodeList:
         # points of the ground
         self.ground = list(on_ground)
         self.arm_owner = [(self.first[owner], arm) for (owner, _), arm in self.arms.items() if arm not in on_ground]
-        elsewhere = [self.first[x] for x in scene.masses if isinstance(x, PlaceOnBeam)]
-        elsewhere += [arm for arm, owner in on_ground.items() if isinstance(owner, LineOfPlaces)]
-        self._in_space = np.delete(np.arange(len(self.phi)), elsewhere)
         # of every node the first one of the beam, or of the beam of a net, that it belongs to; of points that of their body
         self.part = np.arange(len(self.labels))
         for beam in scene.beams:
@@ -143,8 +139,8 @@ class NodeList:
 
     @property
     def extent(self) -> float:
-        """Extent of all nodes in space, m."""
-        return extent_of(self.phi[self._in_space])
+        """Extent of all nodes, m."""
+        return extent_of(self.phi)
 
     def coordinates(self, nodes: Sequence[int]) -> Array:
         """Return the reference positions and directors of some nodes, [n, 4, 3]."""

@@ -22,6 +22,7 @@ from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.maps import free_unknowns, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map
 from fastbeam.model.model import Model
+from fastbeam.model.rates import rates_in
 
 Array = np.ndarray
 # largest gap from round-off of a long run between welded ends of a net, relative to the size of the scene, or for triads to 1;
@@ -222,11 +223,15 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
     if not model.n_constraints:
         return
     rows = ConstraintGaps(model, state.history)
-    values, by_rates, tangents = rows.at(state.q, state.s)
-    rates, names, away = by_rates @ state.v, model.names["sliders"], off_beam(model, state)
+    values, by_rates, tangents, met, _ = rows.at(state.q, state.s)
+    every = rates_in(model, state)
+    rates, names, away = by_rates @ every, model.names["sliders"], off_beam(model, state)
+    more = np.zeros(model.n_sliders)
+    if model.moving is not None:
+        more[model.moving.sliders] = met @ every
     for k in np.flatnonzero(~away).tolist():
         relative, tangent = rates[3 * k:3 * k + 3], tangents[k]
-        across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
+        across = relative - (relative @ tangent) / (tangent @ tangent) * tangent + more[k] * tangent
         yield (f"slider {names[k]!r}: its point lies", f"slider {names[k]!r}: the velocity of its point across the beam is",
                float(np.linalg.norm(values[3 * k:3 * k + 3])), float(np.linalg.norm(across)), False)
     for (k, _), of_sleeve in zip(model.sleeve_pairs, rows.moments):
@@ -401,7 +406,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
         q = follow(model, q)
     v = _after_impact(model, rows, state, q, s, t)
     out = State(q.reshape(-1), v, s, state.force.copy(), state.history.copy())
-    model.start_momenta(out.history, out.q, out.v)
+    model.start_momenta(out.history, out.q, out.v, out.s)
     return out
 
 
@@ -475,22 +480,24 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
     to_rates = velocity_map(q)
     rows = ConstraintGaps(model)
-    gaps, at_start = rows.at(state.q, state.s), rows.at(model.q0, model.s0)
-    goals = []
+    gaps, at_start, size = rows.at(state.q, state.s), rows.at(model.q0, model.s0), model.v0.size
+    # nodes of moving meshes have the velocities of the points there
+    stands = np.ones(model.n_sliders, bool) if model.moving is None else ~np.isin(np.arange(model.n_sliders), model.moving.sliders)
+    by_rates, at_first, goals = gaps.rates[:, :size], at_start.rates[:, :size], []
     for k, tangent in enumerate(gaps.tangents):
-        goals.append(at_start.along(k, model.v0) * tangent)
+        goals.append(at_start.along(k, rates_in(model, model.state())) * stands[k] * tangent)
         # the part with the sliding point moves along, its beam does not
         part = model.numbers.part == model.numbers.part[int(model.sliders.point[k])]  # type: ignore[union-attr]
         if np.all(model.numbers.rank[part] != 3):
-            given[part, :3] += goals[-1] - gaps.rates[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
+            given[part, :3] += goals[-1] - by_rates[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
     on = np.repeat(~off_beam(model, state), 3)
-    of_joints = at_start.rates[rows.joints] @ model.v0
-    leads = gaps.rates[np.concatenate((np.flatnonzero(on), rows.others))]
+    of_joints = at_first[rows.joints] @ model.v0
+    leads = by_rates[np.concatenate((np.flatnonzero(on), rows.others))]
     right = np.concatenate([np.concatenate((*goals, np.zeros(0)))[on], np.where(rows.given, of_joints, 0.0)])
     begin = given.reshape(-1)
     found = nearest_velocities(model, state, leads, right, fixed, begin)
     out = State(state.q, follow(model, (to_rates @ found).reshape(-1, 4, 3)).reshape(-1), state.s, state.force, state.history)
-    model.start_momenta(out.history, out.q, out.v)
+    model.start_momenta(out.history, out.q, out.v, out.s)
     changed = np.linalg.norm((found - begin).reshape(-1, 6)[:, :3], axis=1)
     k = int(np.argmax(changed))
     if changed[k] <= CHANGES * np.max(np.abs(begin), initial=0.0):
@@ -627,11 +634,19 @@ def _across(model: Model, rows: ConstraintGaps, q: Array, s: Array) -> tuple[Any
         increments = np.sum(gaps[of_sliders] * tangents, axis=1) / np.sum(tangents**2, axis=1)
         # moves of the size of round-off would make a sticking slider slip
         moves = np.abs(increments) > 1e-15 * model.slider_lengths
+        if model.moving is not None:
+            # with their places nodes of beams would move
+            moves[model.moving.sliders] = False
         if not moves.any():
             break
         s[moves] = np.clip(s + increments, *model.ends_at(s).T)[moves]
     found = rows.at(q.reshape(-1), s)
+    by_rates, met = (x[:, :q.size] for x in (found.rates, found.met))
     axes = [across_of(tangent) for tangent in found.tangents]
-    matrix = [sparse.csr_matrix(two) @ found.rates[at] for two, at in zip(axes, of_sliders)]
+    matrix = [sparse.csr_matrix(two) @ by_rates[at] for two, at in zip(axes, of_sliders)]
     values = [two @ found.values[at] for two, at in zip(axes, of_sliders)]
-    return sparse_rows(*matrix, found.rates[rows.others]), np.concatenate((*values, found.values[rows.others]))
+    along = np.zeros(0)
+    if model.moving is not None:
+        some = model.moving.sliders
+        along = np.sum(found.values[of_sliders[some]] * found.tangents[some], axis=1)
+    return sparse_rows(*matrix, by_rates[rows.others], met), np.concatenate((*values, found.values[rows.others], along))

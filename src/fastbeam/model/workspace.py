@@ -26,6 +26,8 @@ from fastbeam.model.model import Model
 Array = np.ndarray
 # operations of a dense border for each node from which on a sparse matrix is faster, and doubles of it at most
 SLOW, LARGEST_BORDER = 1.5e5, 250_000_000
+# more than a constraint has
+MOST_ENTRIES = 2**30
 
 
 class ReferenceStrains:
@@ -138,9 +140,16 @@ def entries_of(model: Model, bounded: bool = True) -> int:
     most = int(model.curves.shape[:, NODES_OF_CURVE].max()) + (model.sleeves is not None)
     if model.by_rows and bounded:
         most = min(most, int(model.curves.count.max()))
+        most += _around(model)
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
     # and one more for the spin of every node
+    most += _around(model)
     return max(ends, (most + 1) * widest + most)
+
+
+def _around(model: Model) -> int:
+    """Return the most nodes of a beam that the sliding equation of a slider depends on besides those under it, and one more."""
+    return 0 if model.moving is None else model.moving.following.nodes.shape[1] + 1
 
 
 def _most_joined(model: Model) -> int:
@@ -205,7 +214,7 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
                            element=np.zeros(n, np.int64), forces=model.forces, first=np.cumsum(model.unknowns) - model.unknowns,
                            first_force=model.first_force, compliance=empty(n), softness=model.softness,
                            remaining=empty(n), full=np.zeros(1, np.int64), augmented=empty(4),
-                           pair=np.zeros((0, 2), np.int64))
+                           pair=np.zeros((0, 2), np.int64), strong=np.full(n, MOST_ENTRIES))
 
 
 def entries_at_rest(model: Model) -> int:
@@ -241,8 +250,8 @@ def contact_of(model: Model, entries: int | None = None, at_rest: bool = False, 
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=model.first_force, compliance=empty(n), softness=model.softness,
                 remaining=empty(n),
-                full=np.zeros(1, np.int64), augmented=empty(4), pair=model.sleeve_pairs,
-                cross=empty((len(model.sleeve_pairs), 2, 8)), before=empty(n))
+                full=np.zeros(1, np.int64), augmented=empty(4), pair=model.coupled,
+                cross=np.zeros((len(model.coupled), 2, 8)), strong=np.full(n, MOST_ENTRIES), before=empty(n))
 
 
 def inner_of(model: Model) -> Inner | None:

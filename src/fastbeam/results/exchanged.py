@@ -38,8 +38,7 @@ def balance_of(result: Result) -> dict[str, Array]:
             energies["loads"] = loads
     for name, noun, kind, sign in ACCOUNTS:
         for k, part in enumerate(result.names.get(f"{kind}s", []) if name in series else []):
-            # energies at places of moving meshes are those of their sliders
-            if np.any(series[name][:, k]) and not (kind == "joint" and result.names["coordinates"][k] == "place"):
+            if np.any(series[name][:, k]):
                 # a joint may have two coordinates
                 key = f"{noun} of {kind} {part!r}"
                 energies[key] = energies.get(key, 0.0) + sign * series[name][:, k]

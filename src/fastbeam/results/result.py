@@ -251,15 +251,7 @@ class Result(Readings, Exports, Doubts):
         that of friction on the beam about d_1 (N m), [n]."""
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "gap": self._series("gap")[:, k]}
-        if self.names.get("moving_meshes") and "contact_force" not in self.series:
-            out["force"] = np.full((len(self.t), 3), np.nan)
-            if "reaction" in self.series:
-                out["force"] = self.reaction(name)["force"]
-                holders = self.names.get("moving_moments")
-                if holders and holders[k]:
-                    out["moment"] = self.reaction(holders[k])["moment"]
-        else:
-            out["force"] = self._series("contact_force")[:, k]
+        out["force"] = self._series("contact_force")[:, k]
         same = ((x, x) for x in (*ALONG, *TWISTING))
         for series, key in (("slider_position", "position"), ("contact_moment", "moment"), *same):
             if series in self.series:

@@ -12,7 +12,6 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.bodies import FIELD, PointMass
 from fastbeam.scene.checks import OptionalField, Takes, noun
-from fastbeam.scene.fixed import Ground
 from fastbeam.scene.paths import as_beam
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
@@ -150,12 +149,3 @@ class MovingMesh:
     def label(self) -> str:
         """`moving mesh of beam 'name'`."""
         return f"{self.kind} of {self.beam.label}"
-
-
-class PlaceOnBeam(PointMass):
-    """Place of a contact on a beam whose elements move with it: a node of its own, whose first coordinate is the arc length, m,
-    without a position in space."""
-
-
-class LineOfPlaces(Ground):
-    """Origin of the arc lengths of such places, without a position in space."""

@@ -128,7 +128,6 @@ class Scene(notebook.Parts):
     """
 
     kind: ClassVar[str] = "scene"
-    moving: tuple[Any, ...] = ()  # moving_tables.Mesh, of scenes that the compiler makes
     # parts by kind, in the order added
     beams = Every(Beam)
     nets = Every(Net)

@@ -11,7 +11,7 @@ from fastbeam.kernels.beams.inner_nodes import NoInner
 from fastbeam.kernels.beams.nodes import Held
 from fastbeam.kernels.contact.coulomb import part_of
 from fastbeam.kernels.contact.sleeve import NoTwist, Sleeves
-from fastbeam.kernels.contact.slider import NoSleeves, Sliders, Sliding
+from fastbeam.kernels.contact.slider import NoSleeves, Sliders, Sliding, no_following
 from fastbeam.kernels.contact.slider_forces import Along
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import ContactInRows
@@ -23,6 +23,7 @@ from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.terms import Equilibrium, NoTies, System
 from fastbeam.linalg.pattern import Pattern, ascending
 from fastbeam.model.model import Model
+from fastbeam.model.workspace import MOST_ENTRIES
 from fastbeam.stepping.constraint_rows import couplings_of, with_capacity
 
 if TYPE_CHECKING:
@@ -203,8 +204,8 @@ class Group:
         known, along = model.sliders, sliding.along
         self.along = AlongGroup(along, self.sliders) if isinstance(along, Along) else None
         limits = model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders]
-        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.spin_root),
-                          self.ties, limits, along if self.along is None else self.along.part, sleeves)
+        sliders = Sliders(known.curve[self.sliders], known.point[self.sliders], shared.spin_root, no_following(self.sliders.size))
+        sliding = Sliding(model.curves, sliders, self.ties, limits, along if self.along is None else self.along.part, sleeves)
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         of_moments = (sleeves,) if on.size else ()
         self.terms = Record((sliding, *of_moments, *elements, self.bodies, *ties, self.held))
@@ -235,13 +236,15 @@ class Group:
         self.own: dict[str, Array] = dict(
             integers, residual=empty((s, 8)), forces=forces, first=self.couplings.first,
             first_force=self.couplings.first_force, compliance=empty(s), softness=np.ones(s), remaining=empty(s),
-            full=np.zeros(1, np.int64), augmented=empty(4), pair=pairs, cross=empty((on.size, 2, 8)))
+            full=np.zeros(1, np.int64), augmented=empty(4), pair=pairs, cross=empty((on.size, 2, 8)),
+            strong=np.full(s, MOST_ENTRIES))
 
     def _allocate(self) -> None:
         """Allocate room for so many entries of a slider, and everything else by scale."""
         size = len(self.owner.core.dofs)
         carriers, nodes = self.group_rows.beam.size, self.couplings.diagonal.size
-        rows = with_capacity(self.couplings, self.entries, 0, size, self.capacity, fill=16 * size * (nodes - 2 * carriers))
+        rows = with_capacity(self.couplings, self.entries, 0, size, self.capacity, fill=16 * size * (nodes - 2 * carriers),
+                             pairs=len(self.own["pair"]))
         rows.order.rank[:] = np.arange(nodes)
         # blocks are work of a thread
         self._store = rows.factors.store.size

@@ -64,10 +64,10 @@ def _starts(counts: Array) -> Array:
 
 def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
                   others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0,
-                  targets: int = 0) -> Constraints:
+                  targets: int = 0, pairs: int = 0) -> Constraints:
     """Allocate everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`:
     with eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes; targets: products
-    of blocks at least."""
+    of blocks at least; pairs: constraints that are coupled by own unknowns."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
     rows = n + s
 
@@ -78,9 +78,9 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     columns = int(scale * (couplings.near.size // 2 + 4 * s)) + rows
     touching = Touched(integers(s), integers(s, entries), integers(s), integers(s, entries), integers(s, entries),
                        integers(s + 1), integers(touched), integers(touched), integers(touched), integers(touched),
-                       integers(n + 1), integers(touched), integers(s + 1),
+                       integers(n + 1), integers(touched), integers(s), integers(s + 1),
                        integers(int(scale * s * min(entries, 3)) + 16, 6), integers(elements),
-                       integers(elements, 2), integers(int(scale * 9 * s)), integers(int(np.sum(couplings.partner >= 0)) // 2, 2),
+                       integers(elements, 2), integers(int(scale * 9 * s)), integers(pairs, 2),
                        integers(n), integers(n), integers(4))
     targets = max(2 * columns, targets)
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
@@ -124,7 +124,7 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)
-    return with_capacity(couplings, entries, elements, len(model.dofs), scale, others, targets=targets)
+    return with_capacity(couplings, entries, elements, len(model.dofs), scale, others, targets=targets, pairs=len(model.coupled))
 
 
 def _places(model: Model, inner: Inner | None) -> Array | None:

@@ -179,7 +179,7 @@ class Stepper:
         self.work = work_of(core, keep, rates, self.strains, self.in_matrix)
         self.inner = inner_of(core)
         # sliders alone, as rows of the block matrix
-        self._factored = (core.by_rows and core.n_constraints == core.n_sliders
+        self._factored = (core.by_rows and core.n_constraints == core.n_sliders and core.moving is None
                           and not (self.method.is_compared or self._static))
         self.rows: Constraints | None = None
         if core.by_rows and not self._static:
@@ -235,7 +235,7 @@ class Stepper:
         came to rest."""
         model, state = self.model, self.state
         rates, contact = empty(model.n_sliders), contact_of(model)
-        slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
+        slider_motion(model.curves, model.sliders, contact, state, empty(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         own = model.along_of(self.core_state.history)
         moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)

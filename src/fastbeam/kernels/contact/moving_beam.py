@@ -7,7 +7,7 @@ with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, i
 
 The history keeps the momenta per reference length, m = h a - xr g at every point: T = 1/2 int rho m.m/h.
 
-Arrays: q, p_out [12 N]; shape [2, points, n]; history [*]; out [9], of `potential_energy` [1].
+Arrays: q, p_out [12 N]; s [*], places of all sliders; shape [2, points, n]; history [*]; out [9].
 """
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ import numpy as np
 
 from fastbeam.kernels.algebra.vectors import add3, cross, dot, ld3, zero3
 from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.terms import potential_energy
+from fastbeam.kernels.terms import put_loads
 
 
 class MovingBeam(NamedTuple):
@@ -26,15 +27,16 @@ class MovingBeam(NamedTuple):
 
     strains: Any         # strain_measures.SimoReissner
     tables: ElementTables  # of groups of 8 elements; `tab` changes in every evaluation
+    following: Following
     lane: np.ndarray     # int64 [8 G]: element of every lane; idle ones repeat the last
     node: np.ndarray     # int64 [E, n]
-    row: np.ndarray      # int64 [E, n + 2]: rows of nodes, then of places of contacts; -1 at an end of the beam
-    block: np.ndarray    # int64 [E, n + 2, n + 2]
+    entry: np.ndarray    # int64 [E, 2, n]: numbers of the nodes among those of the contact behind, and of that ahead
     place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these.
-    # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them the work of the weight
+    # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them ds/dt of the contacts [S],
+    # and the work of the weight
     slot: np.ndarray     # int64 [E, 2]: contacts that elements lie between, or -1
-    places: np.ndarray   # int64 [S]: nodes whose first coordinate is s
-    place_rows: np.ndarray  # int64 [S]
+    slider: np.ndarray   # int64 [S]: sliders of the contacts
+    first: np.ndarray    # int64 [1]: number of the first contact among those of all beams
     share: np.ndarray    # float64 [E, 2]: f at both ends
     length: np.ndarray   # float64 [2]: length of the beam, and least length between two contacts
     mass_shape: np.ndarray  # float64 [2, points, n]: shape functions and slopes
@@ -48,31 +50,42 @@ class MovingBeam(NamedTuple):
     rest_slope: np.ndarray  # float64 [points, 6]: its derivative there, which it has beyond
     rho: np.ndarray      # float64 [4]: inertia of position and directors
     weighs: np.ndarray   # float64 [3]: rhoA times gravity
-    held: np.ndarray     # int64 [H, 2]: nodes of contacts, and of points that multipliers hold there
-    held_row: np.ndarray  # int64 [H]: rows of the nodes of contacts
-    held_block: np.ndarray  # int64 [H, 2]: blocks contact-contact, contact-point
+    gravity: np.ndarray  # float64 [1]: factor of gravity in the step
     scratch: np.ndarray  # float64 [*]: `moving_elements.Moved` of a group
 
 
 @kernel
-def ends_of(beam, e, q):
-    """Return the places behind and ahead of an element."""
+def ends_of(beam, e, s):
+    """Return the places behind and ahead of an element, with those of all sliders [*]."""
     a = beam.slot[e, 0]
     b = beam.slot[e, 1]
     begin = 0.0
     end = beam.length[0]
     if a >= 0:
-        begin = q[12 * beam.places[a]]
+        begin = s[beam.slider[a]]
     if b >= 0:
-        end = q[12 * beam.places[b]]
+        end = s[beam.slider[b]]
     return begin, end
 
 
 @kernel
-def size_of(beam, e, q):
+def size_of(beam, e, s):
     """Return the length of an element."""
-    begin, end = ends_of(beam, e, q)
+    begin, end = ends_of(beam, e, s)
     return (beam.share[e, 1] - beam.share[e, 0]) * (end - begin)
+
+
+class MovingGravity(NamedTuple):
+    """Factors of gravity on a moving beam in every substep."""
+
+    gravity: np.ndarray     # float64 [1]: as in `MovingBeam`
+    factors: np.ndarray     # float64 [substeps]
+
+
+@put_loads.register(MovingGravity)
+@kernel
+def put_gravity(term, system, k):
+    term.gravity[0] = term.factors[k]
 
 
 @kernel
@@ -91,22 +104,22 @@ def sum_of(beam, e, shape, kind, g, q, field):
 
 
 @kernel
-def height_of(beam, q):
+def height_of(beam, q, s):
     """Return the work of the full weight on its way from the origin: sum of h m phi . rhoA g."""
     out = 0.0
     for e in range(beam.node.shape[0]):
-        h = size_of(beam, e, q)
+        h = size_of(beam, e, s)
         for g in range(beam.mass_point.shape[1]):
             out += h * beam.mass_point[1, g] * dot(ld3(beam.weighs, 0, 1), sum_of(beam, e, beam.mass_shape, 0, g, q, 0))
     return out
 
 
 @kernel
-def motion_of(beam, q, history, p_out):
+def motion_of(beam, s, history, p_out):
     """Return T, and add momenta of nodes to p_out [12 N]."""
     out = 0.0
     for e in range(beam.node.shape[0]):
-        h = size_of(beam, e, q)
+        h = size_of(beam, e, s)
         for g in range(beam.mass_point.shape[1]):
             for k in range(4):
                 c = beam.mass_point[1, g] * beam.rho[k]
@@ -153,14 +166,15 @@ def energy_at(beam, e, g, q, h):
     return out
 
 
-@potential_energy.register(MovingBeam)
 @kernel
-def energy_of_moving(beam, q, dofs, out):
-    """Add the stored energy without that of the weight, which is another column."""
+def energy_of_moving(beam, q, s):
+    """Return the stored energy, without that of the weight."""
+    out = 0.0
     for e in range(beam.node.shape[0]):
-        h = size_of(beam, e, q)
+        h = size_of(beam, e, s)
         for g in range(beam.weight.shape[0]):
-            out[0] += 0.5 * h * beam.weight[g] * energy_at(beam, e, g, q, h)
+            out += 0.5 * h * beam.weight[g] * energy_at(beam, e, g, q, h)
+    return out
 
 
 @kernel

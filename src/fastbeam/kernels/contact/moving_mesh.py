@@ -37,12 +37,11 @@ LEAST_RATIO = 1e-3
 
 
 @kernel
-def rate_of(beam, contact, state, work, h):
-    """Return the mean rate of the place of a contact over the step, v + h u/2, 0 for an end of the beam (-1)."""
-    if contact < 0:
+def rate_of(beam, contact, h):
+    """Return the mean rate of the place of a contact over the step, 0 for an end of the beam (-1) and at rest."""
+    if contact < 0 or h == 0.0:
         return 0.0
-    k = 12 * beam.places[contact]
-    return state.v[k] + 0.5 * h * work.u[k]
+    return beam.following.way[beam.first[0] + contact, 0] / h
 
 
 @kernel
@@ -50,10 +49,10 @@ def put_ends(beam, k, scratch, x, state, work, h):
     """Store lengths of the elements of group k at both ends of the step, mean rates of their ends, and shares."""
     for lane in range(8):
         e = beam.lane[8 * k + lane]
-        a0, b0 = ends_of(beam, e, state.q)
-        a1, b1 = ends_of(beam, e, work.q_end)
-        behind = rate_of(beam, beam.slot[e, 0], state, work, h)
-        ahead = rate_of(beam, beam.slot[e, 1], state, work, h)
+        a0, b0 = ends_of(beam, e, state.s)
+        a1, b1 = ends_of(beam, e, work.s_end)
+        behind = rate_of(beam, beam.slot[e, 0], h)
+        ahead = rate_of(beam, beam.slot[e, 1], h)
         o = x.first + lane
         scratch[o + LENGTHS] = (beam.share[e, 1] - beam.share[e, 0]) * (b0 - a0)
         # a step in which an element vanishes fails
@@ -104,11 +103,9 @@ def evaluate_moving(beam, k, state, work, h, dofs):
     x = moved(at, beam.mass_point.shape[1])
     step = motion.call(MOVING_STEP, state, work, h)
     gather_moving(beam, k, at, x, step, state, work, h, dofs)
-    # the row of a place in the load vectors has the mean factor of gravity over the step
-    factor = work.f_ext[8 * beam.place_rows[0] + 1]
     for c in range(3):
         for lane in range(8):
-            scratch[x.first + WEIGHT + 8 * c + lane] = factor * beam.weighs[c]
+            scratch[x.first + WEIGHT + 8 * c + lane] = beam.gravity[0] * beam.weighs[c]
     # the tangent is exact, without the stresses of theory.md (4.6)
     case = Case(tables.meta[k, COUPLED] != 0, False, False)
     for lane in range(0, 8, WIDTH):
@@ -120,53 +117,52 @@ def evaluate_moving(beam, k, state, work, h, dofs):
     scatter_group(tables, k, at, 1, scratch, work.r, work.blocks, dofs)
     for lane in range(8):
         if 8 * k + lane < beam.node.shape[0]:
-            scatter_ends(beam, 8 * k + lane, lane, scratch, at, x, work)
+            scatter_ends(beam, 8 * k + lane, lane, scratch, at, x)
 
 
 @kernel
-def scatter_ends(beam, e, lane, scratch, at, x, work):
-    """Add the forces on the places of contacts by element e, and the derivatives that belong to these places."""
+def scatter_ends(beam, e, lane, scratch, at, x):
+    """Add the forces of element e on the places of contacts, and the derivatives that belong to these places."""
     n = at.nn
     size = 48 * n
+    following = beam.following
     for side in range(2):
         if beam.slot[e, side] < 0:
             continue
-        work.r[8 * beam.row[e, n + side]] += scratch[x.first + FORCES + 8 * side + lane]
+        f = beam.first[0] + beam.slot[e, side]
         column = x.rows + size * side + lane
         line = column + 2 * size
         for a in range(n):
+            border = following.border[f, beam.entry[e, side, a]]
             for c in range(6):
-                work.blocks[48 * beam.block[e, a, n + side] + 8 * c] += scratch[column + 48 * a + 8 * c]
-                work.blocks[48 * beam.block[e, n + side, a] + c] += scratch[line + 48 * a + 8 * c]
-        for other in range(2):
-            if beam.slot[e, other] >= 0:
-                work.blocks[48 * beam.block[e, n + side, n + other]] += scratch[x.first + CORNER + 16 * side + 8 * other + lane]
+                border[c] += scratch[column + 48 * a + 8 * c]
+                border[6 + c] += scratch[line + 48 * a + 8 * c]
+        corner = x.first + CORNER + 16 * side + lane
+        following.pull[f, 0] += scratch[x.first + FORCES + 8 * side + lane]
+        following.pull[f, 1] += scratch[corner + 8 * side]
+        if beam.slot[e, 1 - side] >= 0:
+            # the contact behind has the number `side` = 0
+            following.cross[f - side, side] += scratch[corner + 8 * (1 - side)]
 
 
 @kernel
-def stiffen_contacts(beam, work):
-    """Make the tangent regular at nodes that multipliers join to points. A node of a straight beam that moves along it with its
-    place changes no energy, and only the joint fixes both. A spring between node and point, as stiff as the beam there, acts to
-    the end of the step, where the gap vanishes. It multiplies the gap, so the solution of the equations stays."""
-    for j in range(beam.held.shape[0]):
-        o = 48 * beam.held_block[j, 0]
-        other = 48 * beam.held_block[j, 1]
-        stiff = 0.0
-        for c in range(3):
-            stiff = max(stiff, abs(work.blocks[o + 9 * c]))
-        for c in range(3):
-            gap = work.q_end[12 * beam.held[j, 0] + c] - work.q_end[12 * beam.held[j, 1] + c]
-            work.r[8 * beam.held_row[j] + c] += stiff * gap
-            work.blocks[o + 9 * c] += stiff
-            work.blocks[other + 9 * c] -= stiff
+def clear_contacts(beam):
+    """Set what `scatter_ends` adds up to zero."""
+    following, first = beam.following, beam.first[0]
+    for f in range(first, first + beam.slider.shape[0]):
+        following.pull[f, 0] = following.pull[f, 1] = 0.0
+        following.cross[f, 0] = following.cross[f, 1] = 0.0
+        for m in range(following.border.shape[1]):
+            for c in range(12):
+                following.border[f, m, c] = 0.0
 
 
 @assemble.register(MovingBeam, Conserving)
 @kernel
 def assemble_moving(beam, method, system, h):
+    clear_contacts(beam)
     for k in range(beam.tables.meta.shape[0]):
         evaluate_moving(beam, k, system.state, system.work, h, system.dofs)
-    stiffen_contacts(beam, system.work)
 
 
 @account.register(MovingBeam)
@@ -176,13 +172,15 @@ def account_moving(beam, system, h):
     state, work, dofs = system.state, system.work, system.dofs
     first = beam.place[1]
     spread_nodes.call(dofs, system.method, state, work, h, first, first + beam.place[2])
-    for j in range(beam.places.shape[0]):
-        k = beam.places[j]
-        spread_nodes.call(dofs, system.method, state, work, h, k, k + 1)
     for k in range(beam.tables.meta.shape[0]):
         take_momenta(beam, k, state, work, h, dofs)
-    way = height_of(beam, work.q_end) - height_of(beam, state.q)
-    state.history[density_place(beam, beam.node.shape[0], 0, 0)] += work.f_ext[8 * beam.place_rows[0] + 1] * way
+    behind = density_place(beam, beam.node.shape[0], 0, 0)
+    for j in range(beam.slider.shape[0]):
+        # as the velocities of nodes
+        place = behind + j
+        state.history[place] = 2.0 * rate_of(beam, j, h) - state.history[place]
+    way = height_of(beam, work.q_end, work.s_end) - height_of(beam, state.q, state.s)
+    state.history[behind + beam.slider.shape[0]] += beam.gravity[0] * way
 
 
 @separate
@@ -205,14 +203,11 @@ def take_momenta(beam, k, state, work, h, dofs):
 @kernel
 def contacts_keep_distance(beam, system, counts_out):
     """Return whether contacts are at least `length[1]` from each other and from both ends of the beam."""
-    q = system.state.q
     before = 0.0
-    for j in range(beam.places.shape[0] + 1):
-        s = beam.length[0]
-        if j < beam.places.shape[0]:
-            s = q[12 * beam.places[j]]
+    for j in range(beam.slider.shape[0] + 1):
+        s = system.state.s[beam.slider[j]] if j < beam.slider.shape[0] else beam.length[0]
         if not s - before >= beam.length[1]:
-            counts_out[3] = beam.place[3] + j
+            counts_out[3] = system.state.s.shape[0] + beam.place[3] + j
             return False
         before = s
     return True

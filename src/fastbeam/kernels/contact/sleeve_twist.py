@@ -149,7 +149,8 @@ def rate_of_twist(sleeves, term, system, k, o):
     state, contact, dofs = system.state, system.contact, system.dofs
     point = term.sliders.point[k]
     e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], contact.element[k])
-    tangent, relative = motion_along(term.curves, term.sliders, contact, state.q, state.v, state.s[k], k, e, dofs)
+    tangent, relative = motion_along(term.curves, term.sliders, contact, state.q, state.v, state.s[k], state.history, k, e,
+                                     dofs)
     along = dot(relative, tangent) / dot(tangent, tangent)
     s_end = system.work.s_end[k]
     system.work.s_end[k] = state.s[k]

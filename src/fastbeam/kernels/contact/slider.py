@@ -31,6 +31,7 @@ from fastbeam.kernels.algebra.dimensions import (
     on_spin,
     position,
     put,
+    spin,
     spin_cross,
     vector,
     zero_spin,
@@ -38,7 +39,8 @@ from fastbeam.kernels.algebra.dimensions import (
 )
 from fastbeam.kernels.algebra.vectors import dot
 from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot, step_basis
-from fastbeam.kernels.entries.dense import Frame, Weights, put_corner, put_frame, put_node, put_translation
+from fastbeam.kernels.entries.dense import Contact, Frame, Weights, put_corner, put_frame, put_node, put_translation
+from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.terms import (
@@ -56,12 +58,37 @@ from fastbeam.kernels.terms import (
 END_SLACK = 1e-12
 
 
+class Following(NamedTuple):
+    """Sliders whose contacts are element ends that move with them (theory.md 5.12), F of S sliders, and numbers of one run that
+    their terms share with those of the beams. A row of `border` has the derivatives of the force and the moment on a node by the
+    place of a contact, and those of the force on this place by the position and the spin of the node."""
+
+    at: np.ndarray       # int64 [S, 3]: number among these, node counted along the curve, place of ds/dt in the history; or -1
+    nodes: np.ndarray    # int64 [F, M]: nodes of the elements on both sides of a contact, or -1
+    border: np.ndarray   # float64 [F, M, 12]
+    pull: np.ndarray     # float64 [F, 2]: force of the beam on the place, N, and its derivative by the place at the end of the step
+    cross: np.ndarray    # float64 [F, 2]: derivatives of that force by the place of the next contact, and of that on the next
+    pair: np.ndarray     # int64 [F]: number in `Contact.pair` of the pair of a contact and the next on its beam, or -1
+    way: np.ndarray      # float64 [F, 2]: increments of the places in the step, and in the last iteration, m
+
+
+def no_following(sliders: int) -> Following:
+    """Return the record of sliders on meshes that stand."""
+    return Following(np.full((sliders, 3), -1), np.zeros((0, 1), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 2)),
+                     np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 2)))
+
+
+# columns of `Following.at`
+NUMBER, NODE, RATE = range(3)
+
+
 class Sliders(NamedTuple):
     """Table of S sliders: contact curve, and node of the sliding point."""
 
     curve: np.ndarray       # int64 [S]
     point: np.ndarray       # int64 [S]: node of the sliding point
     spin_root: np.ndarray   # int64 [N]: the node whose spin a node shares
+    following: Following
 
 
 # column of `Sliding.limits` behind both ends
@@ -211,10 +238,11 @@ def hold_no_section(sleeves, sums, term, system, k, nodes, lo, hi, law):
 
 
 @kernel
-def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out, dofs):
+def predict_sliders(curves, sliders, contact, state, h, c, past, s_out, force_out, dofs):
     """Predict s and force as `nodes.predict` does; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
     (theory.md 5.4) and the force of the last step."""
     d = dim(dofs)
+    s = state.s
     m = (d + 1) * s.shape[0]
     for k in range(sliders.curve.shape[0]):
         b = sliders.curve[k]
@@ -225,16 +253,20 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
             s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
             put(force_out, d * k, 1, (1.0 + c) * vector(past, i + 1, 1, dofs) - c * vector(past, i + m + 1, 1, dofs))
         else:
-            tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, dofs)
+            tangent, relative = motion_along(curves, sliders, contact, state.q, state.v, s[k], state.history, k, e, dofs)
             s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
 
 
 @kernel
-def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
+def motion_along(curves, sliders, contact, q, v, s, history, k, e, dofs):
     """Return the derivative by s of the curve under slider k at s, in element e, and the velocity of the sliding point relative
-    to it."""
+    to it; at an element end that moves with it, the axis of the section, and ds/dt times this."""
     b = sliders.curve[k]
     nodes = nodes_of.call(curves, b)
+    at = sliders.following.at[k]
+    if at[NODE] >= 0:
+        axis = axis_of(q, node_of.call(nodes, at[NODE]), dofs)
+        return axis, history[at[RATE]] * axis
     lo, hi = nodes_under.call(curves, b, e, e)
     for a in range(lo, hi):
         i = slot.call(nodes, a)
@@ -249,6 +281,12 @@ def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
         tangent += contact.basis[1, i] * position(q, node, dofs)
         velocity += contact.basis[0, i] * position(v, node, dofs)
     return tangent, position(v, sliders.point[k], dofs) - velocity
+
+
+@inlined
+def axis_of(q, node, dofs):
+    """Return d_1 of a node, which is the first director in space and in a plane."""
+    return vector(q, coordinates(dofs) * node + dim(dofs), 1, dofs)
 
 
 class Passage(NamedTuple):
@@ -296,6 +334,12 @@ def begin_passage(term, system, k):
     the last."""
     curves, state, work, contact = term.curves, system.state, system.work, system.contact
     c = term.sliders.curve[k]
+    a = term.sliders.following.at[k, NODE]
+    if a >= 0:
+        nodes = nodes_of.call(curves, c)
+        for i in range(5):
+            contact.basis[i, slot.call(nodes, a)] = 1.0 if i < 2 else 0.0
+        return nodes, a, a + 1
     e0 = find_element.call(curves, c, state.s[k], contact.element[k])
     e1 = find_element.call(curves, c, work.s_end[k], e0)
     lo, hi = nodes_under.call(curves, c, e0, e1)
@@ -334,7 +378,13 @@ def add_slider(along, term, system, k):
     jump = way.t1 - way.t0
     sums = sums_of_sections.call(term.sleeves, system, k, nodes, lo, hi)
     push = push_of_moments.call(term.sleeves, sums, term, system, k)
-    law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
+    tangent = mean_tangent(way)
+    follows = term.sliders.following.at[k, NUMBER]
+    if follows >= 0:
+        # the force of the beam on the place stands for F . T
+        tangent = axis_of(work.q_mid, node_of.call(nodes, lo), dofs)
+        push += dot(f, tangent) - term.sliders.following.pull[follows, 0]
+    law = sliding_law.call(term.along, term, system, k, f, tangent, push)
     turned = in_step.call(system.method, spin_cross.call(way.turn, law.force))
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
@@ -349,10 +399,82 @@ def add_slider(along, term, system, k):
                          zero_vector(dofs), dofs)
     by_s = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, law.force), jump)
             + law.slope)
-    put_corner.call(contact, k, way.end_s, 0.5 * way.mean_s, law.tangent, by_s, dofs)
-    put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
-                 dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
+    by_force, sliding = law.tangent, dot(slide, way.t1) + dot(back, way.t0) + law.rest
+    if follows >= 0:
+        by_force, sliding = law.tangent - law.share * tangent, dot(law.force, tangent) + law.rest
+        by_s += law.share * term.sliders.following.pull[follows, 1]
+    put_corner.call(contact, k, way.end_s, 0.5 * way.mean_s, by_force, by_s, dofs)
+    put_residual(contact, k, position(work.q_end, point, dofs) - way.end, sliding, dofs)
     hold_section.call(term.sleeves, sums, term, system, k, nodes, lo, hi, law)
+    if follows >= 0:
+        follow_contact.call(contact, term, system, k, node_of.call(nodes, lo), law)
+
+
+@generic
+def follow_contact(contact, term, system, k, node, law):
+    """Add to the border of slider k, whose contact is a node that moves with it, what the whole beam has in its sliding
+    equation."""
+
+
+@follow_contact.register(FactoredContact)
+@kernel
+def follow_no_contact(contact, term, system, k, node, law):
+    pass
+
+
+@follow_contact.register(Contact)
+@kernel
+def add_border_of_beam(contact, term, system, k, node, law):
+    work, dofs, row_of = system.work, system.dofs, system.row_of
+    following, spin_root = term.sliders.following, term.sliders.spin_root
+    f = following.at[k, NUMBER]
+    n = len(dofs)
+    zero = zero_vector(dofs)
+    idle = Weights(0.0, 0.0, 0.0, 0.0)
+    still = zero_spin(dofs)
+    frame = Frame(zero, zero, still, zero, still)
+    # of friction, by the axis of the section
+    by_axis = law.force - law.share * vector(system.state.force, contact.first_force[k], 1, dofs)
+    turned = 0.5 * cross_product.call(axis_of(work.q_end, node, dofs), by_axis)
+    put_node.call(contact, k, row_of[spin_root[node]], -1, turned, idle, frame, dofs)
+    # the order of elimination follows the entries before
+    contact.strong[k] = contact.entries[k]
+    for m in range(following.nodes.shape[1]):
+        at = following.nodes[f, m]
+        if at < 0:
+            break
+        border = following.border[f, m]
+        root = spin_root[at]
+        o = put_translation.call(term.ties, contact, k, at, row_of[at], work, Weights(0.0, 0.0, 1.0, law.share),
+                                 vector(border, 0, 1, dofs), vector(border, n, 1, dofs), dofs)
+        put_node.call(contact, k, row_of[root], o if root == at else -1, law.share * spin(border, n + dim(dofs), dofs),
+                      Weights(0.0, 0.0, 1.0, 0.0), Frame(zero, zero, spin(border, dim(dofs), dofs), zero, still), dofs)
+    if following.pair[f] >= 0:
+        contact.cross[following.pair[f], 0, dim(dofs)] = law.share * following.cross[f, 0]
+    if f > 0 and following.pair[f - 1] >= 0:
+        contact.cross[following.pair[f - 1], 1, dim(dofs)] = law.share * following.cross[f - 1, 1]
+
+
+@kernel
+def pull_at_end(term, system, k):
+    """Return the force of the beam on the place of slider k, whose contact is a node that moves with it, behind the last iteration.
+    It has the round-off of the forces on nodes, which does no work with them."""
+    following, x, dofs = term.sliders.following, system.work.increment.x, system.dofs
+    f = following.at[k, NUMBER]
+    out = following.pull[f, 0] + following.pull[f, 1] * following.way[f, 1]
+    if following.pair[f] >= 0:
+        out += following.cross[f, 0] * following.way[f + 1, 1]
+    if f > 0 and following.pair[f - 1] >= 0:
+        out += following.cross[f - 1, 1] * following.way[f - 1, 1]
+    n = len(dofs)
+    for m in range(following.nodes.shape[1]):
+        at = following.nodes[f, m]
+        if at < 0:
+            break
+        for c in range(n):
+            row = system.row_of[at if c < dim(dofs) else term.sliders.spin_root[at]]
+            out += following.border[f, m, n + c] * x[8 * row + c]
+    return out
 
 
 @kernel
@@ -377,9 +499,12 @@ def put_residual(contact, k, gap, sliding, dofs):
 @kernel
 def predict_sliding(term, system, h, c):
     state, work = system.state, system.work
-    predict_sliders(term.curves, term.sliders, system.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
-                    state.force, system.dofs)
+    predict_sliders(term.curves, term.sliders, system.contact, state, h, c, work.past, work.s_end, state.force, system.dofs)
     begin_along.call(term.along, term, system, h)
+    following = term.sliders.following
+    for k in range(following.at.shape[0]):
+        if following.at[k, NUMBER] >= 0:
+            following.way[following.at[k, NUMBER], 0] = work.s_end[k] - state.s[k]
 
 
 @assemble.register(Sliding, Conserving)
@@ -412,7 +537,15 @@ def move_sliders(term, system):
         for c in range(d):
             state.force[contact.first_force[k] + c] += work.y[contact.first[k] + c]
         z = work.y[contact.first[k] + d]
-        work.s_end[k] += z
+        follows = term.sliders.following.at[k, NUMBER]
+        if follows >= 0:
+            # the rate of the place is not round-off of the place
+            way = term.sliders.following.way[follows]
+            way[0] += z
+            way[1] = z
+            work.s_end[k] = state.s[k] + way[0]
+        else:
+            work.s_end[k] += z
         if abs(z) > contact.augmented[3] or z != z:
             contact.augmented[3] = abs(z)
 

@@ -37,16 +37,20 @@ from fastbeam.kernels.contact.coulomb import (
 )
 from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, slot
 from fastbeam.kernels.contact.slider import (
+    NODE,
+    NUMBER,
     NoSleeves,
     SlidingLaw,
     account_along,
     add_contact,
     add_slider,
+    axis_of,
     begin_along,
     begin_passage,
     is_settled_along,
     motion_along,
     note_passage,
+    pull_at_end,
     put_residual,
     sliding_law,
 )
@@ -422,8 +426,8 @@ def begin_forces(along, term, system, h):
         if has_signs(along, k):
             if sign != 0 or (against == 0 and state.history[HISTORY * k + STICKS] < RESTS):
                 e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
-                tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
-                                                 system.dofs)
+                tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k],
+                                                 state.history, k, e, system.dofs)
                 rest = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
                 if sign != 0 or abs(rest) > LEFT * system.length:
                     along.coulomb.rest[k] = rest
@@ -541,6 +545,13 @@ def tangent_of_positions(sleeves, along, term, system, k):
     return start + 0.5 * change - 0.25 * spin_cross.call(turn, change), 0.0
 
 
+@kernel
+def axis_at(term, k, q, dofs):
+    """Return d_1 of the node at slider k, which moves with it."""
+    nodes = nodes_of.call(term.curves, term.sliders.curve[k])
+    return axis_of(q, node_of.call(nodes, term.sliders.following.at[k, NODE]), dofs)
+
+
 @separate
 def account_work(along, term, system, k):
     """Record the work of friction and of the drive of a slider that moves."""
@@ -550,6 +561,10 @@ def account_work(along, term, system, k):
     force = vector(state.force, contact.first_force[k], 1, dofs)
     s0, s1 = state.s[k], work.s_end[k]
     ds = s1 - s0
+    follows = term.sliders.following.at[k, NUMBER]
+    if follows >= 0:
+        tangent = 0.5 * (axis_at(term, k, state.q, dofs) + axis_at(term, k, work.q_end, dofs))
+        push += dot(force, tangent) - pull_at_end(term, system, k)
     total = dot(force, tangent) - push
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):

@@ -47,6 +47,7 @@ class Contact(NamedTuple):
     pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
     cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
     #                         equations of the moments by s
+    strong: np.ndarray      # int64 [S]: number of entries that the order of elimination follows, where that are not all
     before: np.ndarray = np.zeros(0)  # float64 [S]: for joints the remaining gap at the last check in this step
 
 

@@ -67,6 +67,7 @@ class FactoredContact(NamedTuple):
     full: np.ndarray        # int64 [1]
     augmented: np.ndarray   # float64 [4]
     pair: np.ndarray        # int64 [0, 2]: no sleeves
+    strong: np.ndarray      # int64 [S]: all entries
 
 
 FactoredContact.reads = System  # type: ignore[attr-defined]

@@ -65,6 +65,7 @@ class Touched(NamedTuple):
     line: np.ndarray        # int32 [T]: offset of block (constraint, row)
     user_start: np.ndarray  # int32 [n + 1]: range of a row in `user`
     user: np.ndarray        # int32 [T]: places in `row` that name it
+    weak: np.ndarray        # int32 [S]: the first of its places that the search for the order does not follow
     job_start: np.ndarray   # int32 [S + 1]: range of a constraint in the jobs
     job: np.ndarray         # int32 [J, 6]: element, constraint, first entry, job before in the element or -1, places of both ends
     last_job: np.ndarray    # int32 [elements]: the last job of an element, or -1
@@ -226,6 +227,8 @@ def collect(contact, inner, ties, couplings, touched, n_unknowns):
         for m in range(contact.entries[k]):
             if at > touched.row.shape[0] or jobs == touched.job.shape[0]:
                 return False
+            if m == contact.strong[k]:
+                touched.weak[k] = at
             row = contact.row[k, m]
             touched.kept[k, m] = row
             if row < n:
@@ -233,6 +236,8 @@ def collect(contact, inner, ties, couplings, touched, n_unknowns):
                 touched.entry[k, m] = touched.place[row]
             else:
                 at, jobs = touch_inner.call(inner, couplings, ties, touched, k, m, row, at, jobs)
+        if contact.strong[k] >= contact.entries[k]:
+            touched.weak[k] = at
     if at > touched.row.shape[0]:
         return False
     touched.start[contact.entries.shape[0]] = at
@@ -298,7 +303,7 @@ def list_users(touched, at, n):
 def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
     """Append the neighbours of row g that were not seen in this turn (breadth-first search). Return the end of the queue."""
     if g >= n:
-        for t in range(touched.start[g - n], touched.start[g - n + 1]):
+        for t in range(touched.start[g - n], touched.weak[g - n]):
             j = touched.row[t]
             if seen[j] != turn:
                 seen[j] = turn
@@ -314,8 +319,9 @@ def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
             queue[tail] = j
             tail += 1
     for u in range(touched.user_start[g], touched.user_start[g + 1]):
-        j = n + touched.owner[touched.user[u]]
-        if seen[j] != turn:
+        t = touched.user[u]
+        j = n + touched.owner[t]
+        if t < touched.weak[j - n] and seen[j] != turn:
             seen[j] = turn
             came[j] = g
             queue[tail] = j

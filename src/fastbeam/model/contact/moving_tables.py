@@ -12,13 +12,13 @@ from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.strain_measures import SIMO_REISSNER
 from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.layout import BLOCKS, CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import TablePool, elements_of, group_tables, strains_of
 from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import Beam, Slider
 from fastbeam.scene.interpolation.basis import Basis, build_basis
-from fastbeam.scene.moving_mesh import PlaceOnBeam, has_coulomb
 
 Array = np.ndarray
 NO_SHAPE = np.zeros(0)
@@ -38,15 +38,14 @@ class Mesh:
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
         self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)
-        self.places = [PlaceOnBeam(f"{slider.name} (place on {beam.name})", mass=1.0, position=(slider.at, 0.0, 0.0))
-                       for slider in self.sliders]
         self.reference = _reference(beam)
         ends = beam.basis.element_ends
         self.end = np.array([int(np.argmin(np.abs(ends - x.at))) for x in self.sliders])
 
-    def contact(self, k: int) -> Any:
-        """Return the node of the beam at contact k."""
-        return self.beam.node(int(self.end[k]) * self.beam.degree)
+    @property
+    def contacts(self) -> Array:
+        """Nodes of the contacts, counted along the beam, int64 [S]."""
+        return self.end * self.beam.degree
 
     def slots(self) -> tuple[Array, Array]:
         """Return the contacts around every element, -1 for ends of the beam, [E, 2], and places of its ends between them, 0 to 1,
@@ -73,54 +72,44 @@ class Mesh:
                     out[p * e:p * e + p + 1, of[side]] = part
         return out
 
-    def nodes(self, numbers: NodeList) -> Array:
-        """Return the nodes of every element, then the places that it depends on, or -1, int64 [E, p + 3]."""
-        slot, _ = self.slots()
-        places = np.array([*(numbers.start(x) for x in self.places), -1])
-        return np.concatenate((numbers.start(self.beam) + self.beam.basis.element_nodes, places[slot]), axis=1)
+    def around(self) -> list[Array]:
+        """Return the nodes of the elements between every contact and its neighbours, counted along the beam."""
+        nodes, (slot, _) = self.beam.basis.element_nodes, self.slots()
+        return [np.unique(nodes[(slot == k).any(axis=1)]) for k in range(len(self.end))]
 
-    def held(self, numbers: NodeList) -> Array:
-        """Return the nodes of contacts with Coulomb friction and of their points, which multipliers join, int64 [H, 2]."""
-        found = [(numbers.number(self.contact(k)), numbers.number(slider.point)) for k, slider in enumerate(self.sliders)
-                 if has_coulomb(slider)]
-        return np.array(found, np.int64).reshape(-1, 2)
+    def nodes(self, numbers: NodeList) -> Array:
+        """Return the nodes of every element, int64 [E, p + 1]."""
+        return np.asarray(numbers.start(self.beam) + self.beam.basis.element_nodes, np.int64)
 
     def pairs(self, numbers: NodeList, root: Array) -> Array:
         """Return the pairs of coupled nodes as i N + j."""
-        at, n = self.nodes(numbers), len(numbers)
-        a, b = (x.reshape(-1) for x in np.broadcast_arrays(at[:, :, None], at[:, None, :]))
-        live = (a >= 0) & (b >= 0)
-        x, y = self.held(numbers).T
-        a, b = np.concatenate((a[live], x, y)), np.concatenate((b[live], y, x))
-        return np.asarray(root[a] * n + root[b])
+        at, n = root[self.nodes(numbers)], len(numbers)
+        return np.asarray((at[:, :, None] * n + at[:, None, :]).reshape(-1))
 
-    def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array) -> MovingBeam:
-        """Build the constants of the term; the offset in the history is set later."""
+    def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array, sliders: Array,
+              following: Following) -> MovingBeam:
+        """Build the constants of the term; numbers of sliders [S]. Places in the history and numbers of contacts are set later."""
         beam, at = self.beam, self.nodes(numbers)
         n, p = beam.degree + 1, beam.degree
         unit: Basis = build_basis("lagrange", p, 1, 1.0)
-        a, b = np.broadcast_arrays(at[:, :, None], at[:, None, :])
-        block = np.full(a.shape, -1, np.int64)
-        live = (a >= 0) & (b >= 0)
-        block[live] = blocks.between(a[live], b[live])
-        places = np.array([numbers.start(x) for x in self.places], np.int64)
+        block = blocks.between(*np.broadcast_arrays(at[:, :, None], at[:, None, :])).astype(np.int64)
         slot, share = self.slots()
-        first, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
-        held = self.held(numbers)
+        entry = np.full((len(at), 2, n), -1)
+        for k, nodes in enumerate(self.around()):
+            e, side = np.nonzero(slot == k)
+            entry[e, side] = np.searchsorted(nodes, beam.basis.element_nodes[e])
+        _, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
         section = beam.section
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
         reference, weight = self.reference - beam.start_strain, unit.weight[0].copy()
-        tables = self._tables(numbers, at[:, :n], row_of, block[:, :n, :n], blocks)
         return MovingBeam(
-            SIMO_REISSNER, tables, _lanes(len(at)), np.ascontiguousarray(at[:, :n]), np.where(at >= 0, row_of[at], -1), block,
-            np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, places, row_of[places].astype(np.int64), share,
-            np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
-            np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
-            weight, np.array(section.C, dtype=float), reference,
+            SIMO_REISSNER, self._tables(numbers, at, row_of, block, blocks), following, _lanes(len(at)), np.ascontiguousarray(at),
+            entry, np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, sliders,
+            np.zeros(1, np.int64), share, np.array((beam.length, SHORTEST * beam.length)),
+            np.ascontiguousarray(np.stack((values, slopes))), np.stack((unit.mass_point_s[0], unit.mass_weight[0])),
+            np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), weight, np.array(section.C, dtype=float), reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
-            rho[0] * np.asarray(gravity, dtype=float), held, row_of[held[:, 0]].astype(np.int64),
-            np.stack((blocks.between(held[:, 0], held[:, 0]), blocks.between(*held.T)), axis=1).astype(np.int64).reshape(-1, 2),
-            scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+            rho[0] * np.asarray(gravity, dtype=float), np.ones(1), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
 
     def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
         """Describe length times strains of an element whose nodes lie on the reference, which its interpolation does not strain:
@@ -189,28 +178,28 @@ def _reference(beam: Beam) -> Array:
     return mean
 
 
-def element_lengths(table: MovingBeam, q: Array) -> Array:
-    """Return the lengths of elements between the contacts at coordinates [N, 4, 3]: [E], m."""
-    ends = np.where(table.slot >= 0, q[table.places, 0, 0][table.slot], (0.0, table.length[0]))
+def element_lengths(table: MovingBeam, s: Array) -> Array:
+    """Return the lengths of elements between contacts, with the places of all sliders: [E], m."""
+    ends = np.where(table.slot >= 0, s[table.slider][table.slot], (0.0, table.length[0]))
     return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
 
 
 class OfRates(NamedTuple):
     """Momenta of the points of an element, by mass, as linear functions of some rates."""
 
-    columns: Array  # int64 [m]: numbers of the rates among those of all coordinates [12 N]
+    columns: Array  # int64 [m]: numbers of the rates among those of all coordinates, then places of contacts, [12 N + F]
     matrix: Array  # float64 [points, 4, 3, m]: zero for fields without inertia
     length: float  # length of the element, m
 
 
-def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
-    """Yield the momenta of all elements at coordinates [N, 4, 3], theory.md (5.19): h a less x_t g."""
+def of_rates(table: MovingBeam, q: Array, s: Array) -> Iterator[OfRates]:
+    """Yield the momenta of all elements at coordinates [N, 4, 3] and places of all sliders, theory.md (5.19): h a less x_t g."""
     values, slopes = table.mass_shape
     x, n = table.mass_point[0], table.node.shape[1]
     vector, component = np.divmod(np.arange(12), 3)
-    for nodes, slots, (begin, end), h in zip(table.node, table.slot, table.share, element_lengths(table, q)):
+    for nodes, slots, (begin, end), h in zip(table.node, table.slot, table.share, element_lengths(table, s)):
         live = slots >= 0
-        columns = np.concatenate(((12 * nodes[:, None] + np.arange(12)).reshape(-1), 12 * table.places[slots[live]]))
+        columns = np.concatenate(((12 * nodes[:, None] + np.arange(12)).reshape(-1), 12 * len(q) + table.first[0] + slots[live]))
         matrix = np.zeros((x.size, 4, 3, columns.size))
         for i in range(n):
             matrix[:, vector, component, 12 * i + np.arange(12)] = h * values[:, i, None]
@@ -220,10 +209,10 @@ def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
         yield OfRates(columns, matrix * (table.rho != 0.0)[:, None, None], float(h))
 
 
-def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
-    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates and rates
-    [N, 4, 3]; 0 for fields without inertia."""
-    return np.array([one.matrix @ v.reshape(-1)[one.columns] for one in of_rates(table, q)])
+def momenta(table: MovingBeam, q: Array, s: Array, rates: Array) -> Array:
+    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates [N, 4, 3], places
+    of all sliders, and rates of both [12 N + F]; 0 for fields without inertia."""
+    return np.array([one.matrix @ rates[one.columns] for one in of_rates(table, q, s)])
 
 
 def masses(table: MovingBeam) -> Array:
@@ -231,14 +220,15 @@ def masses(table: MovingBeam) -> Array:
     return np.outer(table.mass_point[1], table.rho)
 
 
-def mass_matrix(table: MovingBeam, q: Array) -> Any:
-    """Assemble the mass matrix for the rates of all coordinates at coordinates [N, 4, 3], (5.20): sparse [12 N, 12 N]."""
+def mass_matrix(table: MovingBeam, q: Array, s: Array, size: int) -> Any:
+    """Assemble the mass matrix for the rates of all coordinates and places of contacts at coordinates [N, 4, 3] and places of all
+    sliders, (5.20): sparse [size, size]."""
     c, rows, columns, entries = masses(table), [], [], []
-    for one in of_rates(table, q):
+    for one in of_rates(table, q, s):
         block = np.einsum("gk,gkci,gkcj->ij", c / one.length, one.matrix, one.matrix, optimize=True)
         i, j = np.broadcast_arrays(one.columns[:, None], one.columns)
         rows.append(i.reshape(-1))
         columns.append(j.reshape(-1))
         entries.append(block.reshape(-1))
     at = np.concatenate(rows), np.concatenate(columns)
-    return sparse.csr_matrix((np.concatenate(entries), at), shape=(q.size, q.size))
+    return sparse.csr_matrix((np.concatenate(entries), at), shape=(size, size))

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.kernels.contact.curves import Curves, Paths
 from fastbeam.kernels.contact.sleeve import Rubbing, Sleeves
 from fastbeam.kernels.contact.sleeve_twist import Twist
-from fastbeam.kernels.contact.slider import NoForceAlong, NoSleeves, Sliders, Sliding
+from fastbeam.kernels.contact.slider import Following, NoForceAlong, NoSleeves, Sliders, Sliding
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.analyses import Analysis, Asked, Lack
 from fastbeam.model.contact.sleeve_twist import sleeves_of_run
@@ -84,6 +84,8 @@ class SlidingContact(Feature):
         sleeves: Any = NoSleeves() if self.sleeves is None else sleeves_of_run(self.sleeves, run.static)
         # a slider changes its curve at corners of switches: every run has its own table
         sliders = self.sliders._replace(curve=self.sliders.curve.copy()) if self.corners else self.sliders
+        if model.moving is not None:
+            sliders = sliders._replace(following=run.own.get("moving") or model.moving.alone)
         along = run.own.get("slider_forces")
         sliding = Sliding(self.curves, sliders, NoTies() if model.ties is None else model.ties,
                           model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
@@ -94,6 +96,10 @@ class SlidingContact(Feature):
             if isinstance(sleeves.twist, Twist):
                 out.append(Rubbing(sleeves, sliding))
         return [(Stand.SLIDING, x) for x in out]
+
+    def with_following(self, following: Following) -> SlidingContact:
+        """Return a copy whose sliders are at element ends that move with them."""
+        return replace(self, sliders=self.sliders._replace(following=following))
 
     def in_plane(self, plane: Any, model: Any, constraints: int) -> SlidingContact:
         """Return a copy with the table of sleeves for nodes with 3 unknowns, whose constraints are the last."""

@@ -76,12 +76,12 @@ class Added(Feature):
         """Return a copy for coordinates [4 N]."""
         return replace(self, in_space=False)
 
-    def start_momenta(self, own: Array, q: Array, v: Array) -> None:
+    def start_momenta(self, own: Array, q: Array, v: Array, s: Array) -> None:
         """Set the momenta along d1 at coordinates and rates [12 N], in a plane [4 N]."""
         size = 12 if self.in_space else 4
         own[:] = self.momenta(q.reshape(-1, size), v.reshape(-1, size))
 
-    def misfit(self, own: Array, q: Array, v: Array) -> float:
+    def misfit(self, own: Array, q: Array, v: Array, s: Array) -> float:
         """Return the largest difference between velocities along d1 and those of momenta own [A], m/s; q, v [12 N]."""
         there = self.along != 0.0
         off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]

@@ -17,11 +17,11 @@ Array = np.ndarray
 
 
 def braking_time(model: Model, state: State, k: int) -> float:
-    """Return the time in which a wave along the beam takes the momentum of the body that slider k, or contact k of moving meshes,
+    """Return the time in which a wave along the beam takes the momentum of the body that slider k
     carries, m / sqrt(EA rhoA), s; infinite without a body or a beam, or where supports hold either."""
     is_free = model.fixed_in(state) & 7 != 7
-    if model.moving is not None:
-        table, point = model.moving.table_of(k), int(model.moving.points[k])
+    if model.moving is not None and k in model.moving.sliders:
+        table, point = model.moving.table_of(k), int(model.sliders.point[k])
         # the point may be tied to the beam, instead of the beam to it: the body is that which the point belongs to
         mass = _mass(model, point, is_free, [point, *(body for body, arm in model.numbers.arm_owner if arm == point)])
         return mass / math.sqrt(table.stiffness[0, 0] * table.rho[0]) if mass > 0.0 and table.rho[0] > 0.0 else math.inf

@@ -237,8 +237,10 @@ class Contacts:
         self.model = model
         scene = getattr(model.uneliminated, "scene", None)
         sliders = [] if scene is None else scene.sliders[:model.n_sliders]
-        self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
-        points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
+        # contacts that are element ends have no error of the mesh
+        ends = set() if model.moving is None else set(model.moving.sliders.tolist())
+        self.sleeves = [(k, x) for k, x in enumerate(sliders) if k not in ends and isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
+        points = [(k, x) for k, x in enumerate(sliders) if k not in ends and not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
         self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
         of = dict[Any, list[tuple[int, Slider]]]()
         for k, x in points:

@@ -24,7 +24,6 @@ from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import own_state
 from fastbeam.model.workspace import ReferenceStrains, contact_of
 from fastbeam.results.exchanged import AT_START
-from fastbeam.results.observe.moving_meshes import MovingMeshSeries, moving_weight, place_rows
 from fastbeam.results.observe.points import PointSeries
 from fastbeam.results.observe.sums import ANGULAR, LINEAR, Sums
 from fastbeam.results.readings import TWISTING
@@ -66,7 +65,6 @@ class Observer:
         if "inner" in kinds:
             require(Analysis.INNER, model)
         self.slider = "slider" in kinds and model.n_sliders > 0
-        self.meshes = MovingMeshSeries(model, "slider" in kinds, self.energy)
         self.points = points if isinstance(points, PointSeries) else PointSeries(model, kinds, points)
         self.of_nodes = "velocity" in kinds
         self.reactions = model.reaction_names if "reaction" in kinds else []
@@ -86,8 +84,8 @@ class Observer:
         self._unknown = [x for x in self._of["read_forces"] if x.read_forces(self.kinds, model, np.zeros(model.n_forces))]
         # data of the newest row for `add_forces`
         self._moment: Any = None
-        # energy of ropes of winches in the gravity of the scene, and of what stops of moving meshes store
-        self._weight, self._in_stops = 0.0, 0.0
+        # energy of ropes of winches in the gravity of the scene
+        self._weight = 0.0
         self._directions: list[Section] = []
         self._angles = np.zeros(0)
 
@@ -103,7 +101,6 @@ class Observer:
         if self.moments:
             out["contact_moment"] = (self.model.n_sliders, 3)
             out |= dict.fromkeys(TWISTING, (self.model.n_sliders,)) if self.model.twisting.size else {}
-        out |= self.meshes.series()
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
@@ -130,8 +127,7 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """True where rows hold forces that only steps determine."""
-        return (self.slider or bool(self.reactions or self.cut or self._unknown) or self.meshes.acts
-                or self.points.measured > 0)
+        return self.slider or bool(self.reactions or self.cut or self._unknown) or self.points.measured > 0
 
     def row(self, t: float, state: State, core: tuple[Array, Array] | None = None) -> dict[str, Any]:
         """Return the row of a state, except iterations, step size and contact force, which the run knows; core: its coordinates
@@ -151,15 +147,14 @@ class Observer:
         if self.energy:
             out["kinetic"], out["strain"] = float(sums[kernels.KINETIC]), float(sums[kernels.STRAIN])
             if "joint_energy" in out:
-                self._in_stops = float(np.sum(out["joint_energy"][self.meshes.along]))
-                out["strain"] += float(np.sum(out["joint_energy"])) - self._in_stops
+                out["strain"] += float(np.sum(out["joint_energy"]))
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(sums[kernels.GRAVITY])
             self._weight = 0.0
             for feature in self._of["weight"]:
                 self._weight += feature.weight(model, state.q)
-            out["gravity"] += self._weight + (0.0 if model.moving is None else factor * moving_weight(model, state.q))
-            out["potential"] = out["strain"] + out["gravity"] - float(sums[kernels.LOADS]) + self._in_stops
+            out["gravity"] += self._weight + (0.0 if model.moving is None else factor * model.moving.weight_of(state))
+            out["potential"] = out["strain"] + out["gravity"] - float(sums[kernels.LOADS])
             if self._of["stored"]:
                 out["potential"] += self._stored(state)
             out["total"] = out["kinetic"] + out["potential"]
@@ -167,8 +162,6 @@ class Observer:
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
         if self.inner:
             out |= self._inner(state)
-        if model.moving is not None:
-            out |= self.meshes.row(t, state)
         if self.slider:
             slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
@@ -181,7 +174,7 @@ class Observer:
                 out["twist"][model.sleeve_pairs[:, 0]] = self._angles
         if self.forces is not None:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
-            slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1), rate)
+            slider_motion(model.curves, model.sliders, self._contact, state, tangent.reshape(-1), rate)
             history = model.along_of(state.history).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
@@ -224,7 +217,7 @@ class Observer:
             if model.moving is not None:
                 out["external_work"] += model.moving.work_of_weight(state.history)
             # their potential is in the total as if they were constant
-            stored = out["kinetic"] + out["strain"] + self._in_stops + self._weight - out["external_work"]
+            stored = out["kinetic"] + out["strain"] + self._weight - out["external_work"]
             sizes.append(abs(out["external_work"]))
         if model.accounts_loads:
             stored += self._stored(state)
@@ -273,8 +266,6 @@ class Observer:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
         for feature in self._unknown:
             row |= feature.read_forces(self.kinds, self.model, force)
-        if self.meshes.acts:
-            self.meshes.add_forces(row, self.model.motions.held_forces(self.model, force))
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Add contact forces, moments of sleeves and forces along the beam to a row."""
@@ -367,7 +358,6 @@ class Observer:
                       "turns": [model.place_for(PrescribedMotions), model.place_for(Motions)]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
-        names = self.meshes.named(names)
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
                             velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
 
@@ -397,7 +387,7 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
     if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
         out.append("total")
-    free = np.concatenate((np.zeros(0, np.int64) if model.ties is None else model.ties.row, place_rows(model)))
+    free = np.zeros(0, np.int64) if model.ties is None else model.ties.row
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
     if model.moving is not None and np.any(model.gravity):
         return out

@@ -80,7 +80,7 @@ class Resolution:
         """Check a state in space at time t; moves: state of a run, in which contacts are checked for their motion, too."""
         q = state.q
         self.contacts.look(t, state, self.tension, moves)
-        self.look_at_moving(t, q)
+        self.look_at_moving(t, q, state.s)
         for e, found in self._measured(q):
             self._reversed_axis(t, e, found[e.at + ALONG])
             self._turns_between_nodes(t, e, found[e.at + COSINE])
@@ -95,12 +95,12 @@ class Resolution:
             for e in sets:
                 yield e, found
 
-    def look_at_moving(self, t: float, q: Array) -> None:
-        """Check elements that move with contacts and become long where these go, at coordinates q [12 N]."""
+    def look_at_moving(self, t: float, q: Array, s: Array) -> None:
+        """Check elements that move with contacts and become long where these go, at coordinates q [12 N] and places s [S]."""
         for table in () if self.model.moving is None else self.model.moving.tables:
             p, nodes = table.node.shape[1] - 1, q.reshape(-1, 4, 3)
             beam = self.model.node_label(int(table.node[0, 0])).split(" node ")[0]
-            lengths = element_lengths(table, nodes)
+            lengths = element_lengths(table, s)
             mean, size = float(table.length[0]) / len(lengths), float(np.max(lengths))
             kappa = float(np.linalg.norm(table.reference[3:]))
             bend = (kappa * size)**(2 * p)

@@ -1,0 +1,233 @@
+"""Moving meshes of a scene as a feature (theory.md 5.12): terms of a step, history, energies, limits of analyses."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.contact.moving_beam import MovingGravity, energy_of_moving, height_of, momentum_sums, motion_of
+from fastbeam.kernels.contact.slider import Following
+from fastbeam.kernels.energies import STRAIN
+from fastbeam.kernels.state import State, aligned
+from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
+from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates
+from fastbeam.model.feature import Feature, OfRun, Span, Stand
+from fastbeam.model.forces.loads import mean_factors
+
+Array = np.ndarray
+# reason why scenes with moving meshes have no tables of a plane
+IN_SPACE = "moving meshes are available in space only"
+
+
+@dataclass(frozen=True)
+class Moving(Feature):
+    """Moving meshes of a model."""
+
+    key, title, order, is_told_first = "moving", "moving elements (MovingMesh)", 100, True
+    lacks = (
+        Lack((Analysis.PLANAR,), "moving elements", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
+        Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
+                                                         "elements",
+             "compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((*AT_REST, Analysis.TRAVEL), "moving elements",
+             "moving mesh with slider {name!r}: equilibria and modes do not support moving elements",
+             "compile the scene without MovingMesh; solve_static(contacts='exact') has no mesh error at contacts either",
+             lambda moving, asked: moving.names),
+        Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
+             "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
+             "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((Analysis.POINT_INSIDE,), "points inside",
+             "point {who!r}: the elements of {name} move, so no node stays at a material point inside",
+             "observe its start or end, or a point that slides on it",
+             lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
+        without_adjoint("moving elements"))
+
+    tables: tuple[Any, ...]  # the terms
+    names: list[str]  # names of the sliders, by their numbers among the contacts
+    following: Following  # constants
+    # sliders, contacts: int64 [F], numbers of the sliders, and nodes of their contacts
+    sliders: Array
+    contacts: Array
+    pairs: Array  # int64 [P, 2]: sliders at neighbouring contacts
+    rates: Array  # float64 [F]: ds/dt at the start, m/s
+    gravity_time: Callable[[float], float] | None
+
+    @property
+    def history_size(self) -> int:
+        """Number of history variables: of every beam momenta, rates of the places of contacts, and the work of its weight."""
+        return sum(_size(table) for table in self.tables)
+
+    @property
+    def mass(self) -> float:
+        """Mass of all beams, kg."""
+        return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
+
+    def describe(self) -> list[tuple[str, str, list[str]]]:
+        """Return the line of `print(model)`: contacts at which elements end."""
+        contacts, beams = len(self.names), len(self.tables)
+        where = f"{contacts} contact{'s' * (contacts > 1)} on {beams} beam{'s' * (beams > 1)}"
+        return [("moving elements", f"end at {where}: ", self.names)]
+
+    # --- in a run -----------------------------------------------------------------------------------------------------
+    def work(self, model: Any, plane: Any, static: bool) -> Following:
+        """Allocate the numbers of contacts that terms of one run share."""
+        of = self.following
+        return of._replace(border=np.zeros_like(of.border), pull=np.zeros_like(of.pull), cross=np.zeros_like(of.cross),
+                           way=np.zeros_like(of.way))
+
+    @property
+    def alone(self) -> Following:
+        """Contacts without their beams, for conditions outside of a step."""
+        return self.following._replace(nodes=np.full_like(self.following.nodes, -1))
+
+    def terms(self, run: OfRun) -> Iterable[tuple[Stand, Any]]:
+        """Return the tables of beams with work arrays of the run."""
+        following = run.own.get("moving") or self.work(run.model, None, run.static)
+        for table in self.tables:
+            tab = aligned(table.tables.tab.size)
+            tab[:] = table.tables.tab
+            yield Stand.MOVING, table._replace(scratch=aligned(table.scratch.size), tables=table.tables._replace(tab=tab),
+                                               following=following, gravity=np.ones(1))
+
+    def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
+        """Return the factors of gravity in the steps of a span."""
+        if self.gravity_time is None:
+            return
+        factors = mean_factors(self.gravity_time, span.starts, span.lengths)
+        for term in span.terms:
+            if type(term) is type(self.tables[0]):
+                yield Stand.MOVING, MovingGravity(term.gravity, factors)
+
+    # --- shapes -------------------------------------------------------------------------------------------------------
+    def has(self, first: int | None) -> bool:
+        """Return whether elements of the beam whose first node this is move."""
+        return any(first == int(table.place[1]) for table in self.tables)
+
+    def table_of(self, k: int) -> Any:
+        """Return the term of the beam of slider k."""
+        return next(table for table in self.tables if k in table.slider)
+
+    def gaps(self, s: Array) -> tuple[Array, Array, Array]:
+        """Return the distances between neighbouring contacts and ends of beams with the places of all sliders, the smallest
+        allowed, and the lengths of the beams, m."""
+        found = [np.diff(np.concatenate(([0.0], s[table.slider], table.length[:1]))) for table in self.tables]
+        lengths, least = np.repeat([table.length[:2] for table in self.tables], [x.size for x in found], axis=0).T
+        return np.concatenate(found), least, lengths
+
+    def at_end(self, gap: int, s: Array) -> dict[str, Any]:
+        """Return the event of a contact at the end of its range, by the number of the gap."""
+        first = 0
+        for table in self.tables:
+            n = table.slider.size
+            if gap <= n:
+                break
+            gap, first = gap - n - 1, first + n
+        k = min(gap, n - 1)
+        name, place = self.names[first + k], float(s[table.slider[k]])
+        if gap in (0, n):
+            end = "start" if gap == 0 else "end"
+            near = float(table.length[1])
+            return {"slider": name, "end": end, "s": place, "text": f"slider {name!r} came nearer than {near:.3g} m to the {end} "
+                                                                    "of its beam, where the length of a moving element vanishes"}
+        other = self.names[first + gap - 1]
+        return {"slider": name, "end": other, "s": place, "text": f"sliders {other!r} and {name!r} met, so the length of the "
+                                                                  "moving elements between them vanishes"}
+
+    @property
+    def nodes(self) -> Array:
+        """All nodes of the beams, int64 [*]."""
+        return np.unique(np.concatenate([table.node.reshape(-1) for table in self.tables]))
+
+    # --- energies -----------------------------------------------------------------------------------------------------
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Add the energies and the momenta of all moving beams."""
+        p = np.zeros_like(state.q)
+        for table in self.tables:
+            out[0] += motion_of(table, state.s, state.history, p)
+            out[STRAIN] += energy_of_moving(table, state.q, state.s)
+        momentum_sums(state.q, p, out)
+
+    def weight_of(self, state: State) -> float:
+        """Return the energy of all moving beams in the full gravity of the scene, J."""
+        return -sum(height_of(table, state.q, state.s) for table in self.tables)
+
+    def work_of_weight(self, history: Array) -> float:
+        """Return the work of gravity on all moving beams since the start, J."""
+        return sum(float(history[int(table.place[0]) + _size(table) - 1]) for table in self.tables)
+
+    # --- rates and momenta --------------------------------------------------------------------------------------------
+    def places_in(self, history: Array) -> Array:
+        """Return ds/dt of the contacts in a history [F]."""
+        return np.asarray(history[self.following.at[self.sliders, 2]])
+
+    def put_places(self, history: Array, rates: Array) -> None:
+        """Put ds/dt of the contacts [F] into a history."""
+        history[self.following.at[self.sliders, 2]] = rates
+
+    def start_history(self, own: Array, q: Array, v: Array) -> None:
+        """Put ds/dt of the contacts at the start into the history variables."""
+        own[self._own_places()] = self.rates
+
+    def start_momenta(self, own: Array, q: Array, v: Array, s: Array) -> None:
+        """Put the momenta of coordinates and places, and of their rates, into the history variables."""
+        for table in self.tables:
+            first = self._first(table)
+            own[first:first + _count(table)] = self._momenta(table, own, q, v, s).reshape(-1)
+
+    def misfit(self, own: Array, q: Array, v: Array, s: Array) -> float:
+        """Return the largest difference between velocities and those of the momenta in the history, with spins times the length
+        of the beam, m/s; q, v [12 N]."""
+        worst = 0.0
+        for table in self.tables:
+            first, of_rates = self._first(table), self._momenta(table, own, q, v, s)
+            off = own[first:first + of_rates.size].reshape(of_rates.shape) - of_rates
+            off[:, :, 1:] *= table.length[0]
+            off /= element_lengths(table, s)[:, None, None, None]
+            worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
+        return worst
+
+    def _momenta(self, table: Any, own: Array, q: Array, v: Array, s: Array) -> Array:
+        return momenta(table, q.reshape(-1, 4, 3), s, np.concatenate((v, own[self._own_places()])))
+
+    def _first(self, table: Any) -> int:
+        """Return the offset of the variables of a beam among those of all beams."""
+        return int(table.place[0]) - int(self.tables[0].place[0])
+
+    def _own_places(self) -> Array:
+        """Return the offsets of ds/dt among the variables of all beams, int64 [F]."""
+        return np.asarray(self.following.at[self.sliders, 2] - int(self.tables[0].place[0]))
+
+    def inertia(self, q: Array, s: Array) -> Any:
+        """Assemble the mass matrix of all moving beams at coordinates [12 N] and places of sliders, for rates of coordinates and of
+        places of contacts, sparse [12 N + F, 12 N + F]."""
+        size = q.size + self.sliders.size
+        return sum(mass_matrix(table, q.reshape(-1, 4, 3), s, size) for table in self.tables)
+
+    def momentum(self, history: Array, q: Array, s: Array) -> Array:
+        """Return the momenta in a history as generalised momenta of all coordinates and places of contacts, with the energy (5.20),
+        [12 N + F]."""
+        out = np.zeros(q.size + self.sliders.size)
+        for table in self.tables:
+            first, of = int(table.place[0]), list(of_rates(table, q.reshape(-1, 4, 3), s))
+            own = history[first:first + _count(table)].reshape(len(of), -1, 4, 3)
+            for one, m in zip(of, own):
+                np.add.at(out, one.columns, np.einsum("gk,gkc,gkci->i", masses(table) / one.length, m, one.matrix))
+        return out
+
+    def put_blow(self, history: Array, q: Array, s: Array, by: Array) -> None:
+        """Update the momenta in a history for a jump of the rates by `by` [12 N + F], both at coordinates [12 N]."""
+        for table in self.tables:
+            first, jump = int(table.place[0]), momenta(table, q.reshape(-1, 4, 3), s, by)
+            history[first:first + jump.size] += jump.reshape(-1)
+
+
+def _count(table: Any) -> int:
+    """Return the number of momenta of a beam in the history."""
+    return 12 * len(table.node) * table.mass_point.shape[1]
+
+
+def _size(table: Any) -> int:
+    """Return the number of history variables of a beam."""
+    return _count(table) + table.slider.size + 1
