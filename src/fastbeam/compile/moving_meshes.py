@@ -108,28 +108,6 @@ def _is_end(node: Any) -> bool:
     return bool(node.index in (0, node.owner.n_nodes - 1))
 
 
-def rates_of_places(model: Any, meshes: list[Mesh]) -> tuple[Array, Array]:
-    """Return the rates of all coordinates [N, 4, 3] of the initial state of a model whose meshes stand, for meshes that move, and
-    ds/dt of their contacts [F]: nodes move over the beam as the contacts do."""
-    q, v = model.q0.reshape(-1, 4, 3), model.v0.reshape(-1, 4, 3).copy()
-    every = []
-    for mesh in meshes:
-        first = model.numbers.start(mesh.beam)
-        span = slice(first, first + mesh.beam.n_nodes)
-        rates = np.zeros(len(mesh.sliders))
-        for k, slider in enumerate(mesh.sliders):
-            at = first + int(mesh.contacts[k])
-            rates[k] = (v[model.numbers.number(slider.point), 0] - v[at, 0]) @ q[at, 1]
-        along, d = mesh.way() @ rates, q[span, 1:]
-        v[span, 0] += along[:, None] * np.einsum("i,nic->nc", mesh.reference[:3], d)
-        v[span, 1:] += np.cross((along[:, None] * np.einsum("i,nic->nc", mesh.reference[3:], d))[:, None], d)
-        # to the last bit, on curved beams too
-        for k, slider in enumerate(mesh.sliders):
-            v[first + int(mesh.contacts[k]), 0] = v[model.numbers.number(slider.point), 0]
-        every.append(rates)
-    return v, np.concatenate(every)
-
-
 def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> Any:
     """Return the model with the terms of its moving meshes and the velocities at the start."""
     if not meshes:
@@ -141,7 +119,7 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> An
     at, nodes, pairs = np.full((len(scene.sliders), 3), -1), np.full((count, most), -1), []
     pair = np.full(count, -1)
     following = Following(at, nodes, np.zeros((count, most, 12)), np.zeros((count, 2)), np.zeros((count, 2)), pair,
-                          np.zeros((count, 2)))
+                          np.zeros((count, 2)), np.ones(1))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
     for mesh in meshes:
         sliders = np.array([number[slider] for slider in mesh.sliders])
@@ -158,8 +136,9 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> An
         tables.append(table)
     for k, x in enumerate(around):
         nodes[k, :x.size] = x
-    v, rates = rates_of_places(model, meshes)
     moving = Moving(tuple(tables), [slider.name for slider in every], following, np.array([number[x] for x in every]),
-                    np.array(contacts), np.array(pairs, np.int64).reshape(-1, 2), rates, scene.gravity_time)
-    model = replace(model.with_features(moving), v0=v.reshape(-1))
+                    np.array(contacts), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(count), scene.gravity_time)
+    # meshes move with the contacts, which the initial velocities of the material do not know
+    v, rates = moving.with_mesh(model, model.q0, model.s0, model.v0)
+    model = replace(model.with_features(replace(moving, rates=rates)), v0=v)
     return replace(model, features=tuple(x.with_following(following) if isinstance(x, SlidingContact) else x for x in model.features))

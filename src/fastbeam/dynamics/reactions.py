@@ -55,7 +55,7 @@ class Reactions:
         held = core.static_held if static else core.held
         of = self.own if static else stepper
         # supports that move are not among the terms, because their forces are wanted
-        arrays = {"slider_forces": of.along, "motions": self.own.motion}
+        arrays = {"slider_forces": of.along, "motions": self.own.motion, "moving": of.own.get("moving")}
         terms = terms_of(OfRun(core, static, None, arrays, of.law_work, known=True))
         running = {type(term): term for term in of.terms}
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)

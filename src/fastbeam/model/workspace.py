@@ -224,7 +224,7 @@ def entries_at_rest(model: Model) -> int:
     if model.curves is None:
         return ends
     # the point, or the spin of the holder of a sleeve
-    nodes = int(model.curves.count.max())
+    nodes = int(model.curves.count.max()) + _around(model)
     return max(ends, (nodes + 1) * widest + nodes + 1)
 
 

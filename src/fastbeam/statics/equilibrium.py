@@ -119,7 +119,7 @@ class StaticSolver:
             self.motion.share = share
 
     def _load(self, factors: Array) -> None:
-        kernels.external_forces(self.core.loads, factors, self.work.f_ext)
+        self.stepper.put_static_loads(factors, self.work.f_ext)
 
     def load_all(self, factors: Array) -> None:
         """Assemble all loads on nodes at the present shape, under load factors [K], into `work.f_ext`."""

@@ -18,8 +18,10 @@ import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.call_tables import ADDED, Calls
+from fastbeam.kernels.call_tables import ADDED, Calls, SystemRecord
+from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.kernels.contact.slider import NoSleeves, Sliding
+from fastbeam.kernels.empty_arrays import aligned_empty
 from fastbeam.kernels.joints.drives import JointDrives
 from fastbeam.linalg.pattern import Pattern
 from fastbeam.linalg.scaling import with_values
@@ -73,6 +75,7 @@ class Equations(NamedTuple):
     turns: Entries     # [F, S]: minus the derivative of conditions of sleeves by s, rad/m
     idle: Array        # int64 [I]: multipliers that stay as they are
     loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
+    beside: Entries = NO_ENTRIES    # [S, S]: of the sliding equations by the places of other sliders, N/m
     bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
     normal: Any = None              # float64 [S], N: F_n |c'|, normal force with the moments of sleeves
     size: Any = None                # float64 [S], N: of the contact forces
@@ -171,6 +174,8 @@ class Constraints:
         self.stepper = stepper
         core, self._contact = stepper.core, stepper.contact
         self._terms = Calls(tuple(term for term in stepper.terms if is_constraint(term)), ADDED)
+        # beams whose elements move with contacts, which push on the places of these
+        self._moving = Calls(tuple(term for term in stepper.terms if isinstance(term, MovingBeam)), ADDED)
         self._free = free_of_rows(core, core.static_held) != 0.0
         self.loose: Array | None = None
         self.angles: dict[int, float] = {}
@@ -180,6 +185,7 @@ class Constraints:
         self._axes = self._keyed = np.zeros(0)
         if not isinstance(self._sleeves, NoSleeves):
             self._axes, self._keyed = self._sleeves.axes.copy(), self._sleeves.keyed.copy()
+        self._beside = NONE
         if self._contact is not None:
             self._begin()
 
@@ -196,9 +202,10 @@ class Constraints:
         # entries of the last structure
         self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
-        forces = contact.forces[contact.pair[:, 1]]
+        sleeves, self._beside = contact.pair[:len(core.sleeve_pairs)], np.arange(len(core.sleeve_pairs), len(contact.pair))
+        forces = contact.forces[sleeves[:, 1]]
         o, p = (np.arange(8) < forces[:, None]).nonzero()
-        self._turns = (contact.first_force[contact.pair[o, 1]] + p, contact.pair[o, 0]), (o, p)
+        self._turns = (contact.first_force[sleeves[o, 1]] + p, sleeves[o, 0]), (o, p)
         self._third = (forces > 2).nonzero()[0]
         self._no_turns = None if o.size else Entries(*self._turns[0], np.zeros(0))
 
@@ -246,6 +253,13 @@ class Constraints:
         """Terms of the constraints, and what they share, as compiled code takes them."""
         return self._terms.on(self.stepper.records[1])
 
+    @cached_property
+    def _beams(self) -> tuple[Any, Any]:
+        """Beams whose elements move, and what they share but for the equations of nodes, which are not touched."""
+        work = self.stepper.work
+        own = work._replace(r=np.zeros_like(work.r), blocks=aligned_empty(work.blocks.size))
+        return self._moving.on(SystemRecord(self.stepper.system._replace(work=own), ADDED))
+
     def at(self, force: Array | None = None) -> Equations:
         """Evaluate the equations at the present shape; force: other forces of all constraints [F] than those of the state."""
         state, work, core, contact = self.stepper.core_state, self.stepper.work, self.stepper.core, self._contact
@@ -254,6 +268,8 @@ class Constraints:
         if self.angles:
             self._aim()
         work.q_mid[:] = work.q_end[:] = state.q
+        if core.moving is not None:
+            kernels.assemble_some(*self._beams, 0.0)
         work.r[:] = 0.0
         before = None if force is None else state.force.copy()
         if force is not None:
@@ -281,8 +297,16 @@ class Constraints:
                 gradient.value[np.isin(gradient.row, loose)] = 0.0
         (of, slider), at = self._turns
         turns = self._no_turns or Entries(of, slider, contact.cross[at[0], 0, at[1]])
-        return Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
-                         gaps, gradient, slide, turns, idle, -work.r)
+        found = Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
+                          gaps, gradient, slide, turns, idle, -work.r)
+        return found if self._beside.size == 0 else found._replace(beside=self._between_places())
+
+    def _between_places(self) -> Entries:
+        """Return the derivatives of sliding equations by the places of neighbours on moving meshes."""
+        contact = self._contact
+        one, other = contact.pair[self._beside].T
+        value = 2.0 * contact.cross[self._beside, :, self.stepper.core.dim].T
+        return Entries(np.concatenate((one, other)), np.concatenate((other, one)), value.reshape(-1))
 
     def gaps_at(self, q: Array) -> Array:
         """Evaluate the gaps of all constraints at coordinates q [12 N] in space, [F]."""
@@ -347,7 +371,7 @@ class SaddleMatrix(MatrixOfBlocks):
         super().__init__(pattern, size, sliders + forces)
         self.sliders = sliders
         # rows and columns of the entries of constraints last put in
-        self._last: tuple[Any, ...] = (None,) * 6
+        self._last: tuple[Any, ...] = (None,) * 7
         self._idle = b""
 
     def of(self, blocks: Array, equations: Equations, sliding: Array, drag: float) -> Any:
@@ -357,10 +381,10 @@ class SaddleMatrix(MatrixOfBlocks):
         drag: stiffness against increments of sliding coordinates, N/m.
         """
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
-        rubbing, by_force = equations.rubbing, equations.by_force
-        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row
+        rubbing, by_force, beside = equations.rubbing, equations.by_force, equations.beside
+        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row, len(beside.row)
         idle = equations.idle.tobytes()
-        if idle != self._idle or not all(map(is_, places, self._last)):
+        if idle != self._idle or not all(map(is_, places[:6], self._last)) or places[6] != self._last[6]:
             self._find_places(equations, equations.tangent.shape[1])
             self._last, self._idle = places, idle
         data = self._of_blocks(blocks, 2.0)
@@ -372,7 +396,8 @@ class SaddleMatrix(MatrixOfBlocks):
         diagonal[~sliding] = 1.0
         value = np.concatenate((bent.value, push, -gradient.value, push, diagonal, tangent, turn, -gradient.value, tangent, turn,
                                 -np.ones(equations.idle.size) if equations.idle.size else NO_ENTRIES.value,
-                                rubbing.value * free[rubbing.row], by_force.value * free[by_force.row]))
+                                rubbing.value * free[rubbing.row], by_force.value * free[by_force.row],
+                                beside.value * free[beside.row] * free[beside.column]))
         np.add.at(data, self._at, value)
         return with_values(self._matrix, data)
 
@@ -380,13 +405,14 @@ class SaddleMatrix(MatrixOfBlocks):
         """Find the places of entries of constraints in the matrix, in the order of `of`."""
         m, s = self.nodes, self.sliders
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
-        rubbing, by_force = equations.rubbing, equations.by_force
+        rubbing, by_force, beside = equations.rubbing, equations.by_force, equations.beside
         diagonal = m + np.arange(s)
         of, component = m + np.arange(s).repeat(dim), m + s + np.arange(dim * s)
         idle = m + s + equations.idle
         row = np.concatenate((bent.row, slide.column, gradient.column, m + slide.row, diagonal, of, m + turns.column,
-                              m + s + gradient.row, component, m + s + turns.row, idle, m + rubbing.row, m + by_force.row))
+                              m + s + gradient.row, component, m + s + turns.row, idle, m + rubbing.row, m + by_force.row,
+                              m + beside.row))
         column = np.concatenate((bent.column, m + slide.row, m + s + gradient.row, slide.column, diagonal, component,
                                  m + s + turns.row, gradient.column, of, m + turns.column, idle, rubbing.column,
-                                 m + s + by_force.column))
+                                 m + s + by_force.column, m + beside.column))
         self.place(row, column)

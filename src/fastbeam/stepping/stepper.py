@@ -223,6 +223,13 @@ class Stepper:
         """Coordinates of joints with the arrays of this run, or None."""
         return self.own.get("motions")
 
+    def put_static_loads(self, factors: Array, out: Array) -> None:
+        """Put the sum of all load vectors with factors [K] in an equilibrium into `out`, and gravity on moving meshes where they
+        read it."""
+        kernels.external_forces(self.core.loads, factors, out)
+        if self.core.moving is not None:
+            self.core.moving.put_gravity(self.own["moving"], self.core.load_times, factors)
+
     def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
         """Set the time, s, and load factor of forces by laws, moving air and ropes, in statics; shares: as of `Growing.put`."""
         self.law_work[:2] = t, factor

@@ -72,11 +72,16 @@ class Linearisation:
         inertia = mass_map(own, self.q.reshape(-1))
         if own.added is not None:
             inertia = inertia + own.added.mass_map(self.q)
+        # motion of nodes along their beams with the places of contacts
+        state, self._ways = self.stepper.state, None
+        if own.moving is not None:
+            self._ways = own.moving.ways(state.q, state.s)
+            inertia = inertia + own.moving.inertia(state.q, state.s)[:state.q.size, :state.q.size]
         self._inertia = inertia
         self.mass = (self.lift.T @ (inertia @ self.lift)).tocsr()
         self._shift_mass = self.lift.T @ inertia
         self.loads = np.zeros_like(self.stepper.work.f_ext)
-        kernels.external_forces(self.core.loads, factors, self.loads)
+        self.stepper.put_static_loads(factors, self.loads)
         self.steady = None
         if steady is not None:
             self.steady = SteadyForces(steady[0], own, steady[1], self.map, self.size)
@@ -129,6 +134,10 @@ class Linearisation:
             more = self.steady.stiffness(self.q)
             more.resize(matrix.shape)
             matrix = matrix + more
+        if self._ways is not None:
+            by_material = self._by_material(matrix.shape[0])
+            matrix = (by_material.T @ matrix @ by_material).tocsr()
+            right = by_material[keep][:, keep].T @ right
         matrix = matrix[keep][:, keep]
         multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
         transposed = matrix.T.tocsr()
@@ -140,6 +149,19 @@ class Linearisation:
         if symmetric:
             matrix = 0.5 * (matrix + transposed)
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
+
+    def _by_material(self, n: int) -> Any:
+        """Return the map from displacements of the material, and the other unknowns, to all unknowns, sparse [n, n]: nodes of moving
+        meshes are displaced with their places, too."""
+        from scipy import sparse
+        core, moving = self.core, self.own.moving
+        ways = self._ways.tocoo()
+        node, component = np.divmod(ways.row, 6)
+        row, slider = 6 * core.pattern.row_of[node] + component, moving.sliders[ways.col]
+        value = ways.data * self.sliding[slider]
+        at = row < 6 * core.pattern.n
+        value, row, slider = value[at] * self.map.free[row[at]], row[at], slider[at]
+        return sparse.eye(n, format="csr") + sparse.csr_matrix((value, (row, 6 * core.pattern.n + slider)), shape=(n, n))
 
     def _sizes(self, matrix: Any, keep: Array, moves: Array) -> Array:
         """Return sizes of unknowns by which entries of a stiffness are scaled: roots of the diagonal, and where loads have no
@@ -294,6 +316,9 @@ class Linearisation:
         and with velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
         start = self.stepper.state
         q = self.q.copy()
+        if self._ways is not None:
+            displacement, spin = (x + y for x, y in zip((displacement, spin), np.split(
+                (self._ways @ slide[self.model.moving.sliders]).reshape(-1, 6), 2, axis=1)))
         q[:, 0] += displacement
         q[:, 1:] = turned(q[:, 1:], spin)
         q = follow(self.model, q)
@@ -302,6 +327,10 @@ class Linearisation:
         v[:, 1:] = np.cross(turning[:, None, :], q[:, 1:])
         fresh = self.model.state()
         self.model.keep_turns(fresh.history, start.history)
+        if self.model.moving is not None:
+            moved, rates = self.model.moving.with_mesh(self.model, q.reshape(-1), start.s + slide, follow(self.model, v).reshape(-1))
+            v = moved.reshape(-1, 4, 3)
+            self.model.moving.put_places(fresh.history, rates)
         if self.resting is not None:
             self.resting.remember(fresh.history)
         state = State(q.reshape(-1), follow(self.model, v).reshape(-1), start.s + slide, start.force.copy(), fresh.history)

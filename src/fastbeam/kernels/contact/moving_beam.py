@@ -50,7 +50,6 @@ class MovingBeam(NamedTuple):
     rest_slope: np.ndarray  # float64 [points, 6]: its derivative there, which it has beyond
     rho: np.ndarray      # float64 [4]: inertia of position and directors
     weighs: np.ndarray   # float64 [3]: rhoA times gravity
-    gravity: np.ndarray  # float64 [1]: factor of gravity in the step
     scratch: np.ndarray  # float64 [*]: `moving_elements.Moved` of a group
 
 
@@ -78,7 +77,7 @@ def size_of(beam, e, s):
 class MovingGravity(NamedTuple):
     """Factors of gravity on a moving beam in every substep."""
 
-    gravity: np.ndarray     # float64 [1]: as in `MovingBeam`
+    gravity: np.ndarray     # float64 [1]: as in `Following`
     factors: np.ndarray     # float64 [substeps]
 
 

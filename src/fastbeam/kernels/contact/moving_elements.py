@@ -354,14 +354,14 @@ def share_out(scratch, x, first, second):
 @kernel
 def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h):
     """Evaluate everything of WIDTH elements that the element loop does not, from their coordinates in the middle and at the end
-    of the step, and the tables for the element loop."""
+    of the step, and the tables for the element loop; h: 0 at rest."""
     stretch_tables(beam, tab, scratch, at, x, h)
     for i in range(x.inertia, x.rows, 8):
         vst(scratch, i, 0, 0.0)
     for i in range(x.first + FORCES, x.first + WEIGHT, 8):
         vst(scratch, i, 0, 0.0)
     put_stored(beam, method, strains, tab, coupled, scratch, at, x)
-    for g in range(beam.mass_point.shape[1]):
+    for g in range(beam.mass_point.shape[1] if h > 0.0 else 0):
         for k in range(4):
             if beam.rho[k] != 0.0:
                 put_inertia(beam, scratch, at, x, g, k, h)

@@ -30,7 +30,7 @@ from fastbeam.kernels.contact.moving_elements import (
 )
 from fastbeam.kernels.jit.decorators import kernel, separate
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, layout
-from fastbeam.kernels.terms import Conserving, account, assemble, spread_nodes, within_limits
+from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, spread_nodes, within_limits
 
 # an element may shrink to this share of its length in a step
 LEAST_RATIO = 1e-3
@@ -96,16 +96,16 @@ def gather_moving(beam, k, at, x, step, state, work, h, dofs):
 
 
 @separate
-def evaluate_moving(beam, k, state, work, h, dofs):
-    """Add residual and tangent of group k."""
+def evaluate_moving(beam, method, k, state, work, h, dofs):
+    """Add residual and tangent of group k; h: 0 at rest."""
     tables, scratch = beam.tables, beam.scratch
     at = layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS])
     x = moved(at, beam.mass_point.shape[1])
-    step = motion.call(MOVING_STEP, state, work, h)
+    step = motion.call(method, state, work, h)
     gather_moving(beam, k, at, x, step, state, work, h, dofs)
     for c in range(3):
         for lane in range(8):
-            scratch[x.first + WEIGHT + 8 * c + lane] = beam.gravity[0] * beam.weighs[c]
+            scratch[x.first + WEIGHT + 8 * c + lane] = beam.following.gravity[0] * beam.weighs[c]
     # the tangent is exact, without the stresses of theory.md (4.6)
     case = Case(tables.meta[k, COUPLED] != 0, False, False)
     for lane in range(0, 8, WIDTH):
@@ -162,7 +162,16 @@ def clear_contacts(beam):
 def assemble_moving(beam, method, system, h):
     clear_contacts(beam)
     for k in range(beam.tables.meta.shape[0]):
-        evaluate_moving(beam, k, system.state, system.work, h, system.dofs)
+        evaluate_moving(beam, method, k, system.state, system.work, h, system.dofs)
+
+
+@assemble.register(MovingBeam, Equilibrium)
+@kernel
+def assemble_moving_at_rest(beam, method, system, h):
+    """Add the beam in an equilibrium, where both ends of the step are the present shape."""
+    for j in range(beam.slider.shape[0]):
+        system.work.s_end[beam.slider[j]] = system.state.s[beam.slider[j]]
+    assemble_moving(beam, method, system, 0.0)
 
 
 @account.register(MovingBeam)
@@ -180,7 +189,7 @@ def account_moving(beam, system, h):
         place = behind + j
         state.history[place] = 2.0 * rate_of(beam, j, h) - state.history[place]
     way = height_of(beam, work.q_end, work.s_end) - height_of(beam, state.q, state.s)
-    state.history[behind + beam.slider.shape[0]] += beam.gravity[0] * way
+    state.history[behind + beam.slider.shape[0]] += beam.following.gravity[0] * way
 
 
 @separate

@@ -70,12 +70,13 @@ class Following(NamedTuple):
     cross: np.ndarray    # float64 [F, 2]: derivatives of that force by the place of the next contact, and of that on the next
     pair: np.ndarray     # int64 [F]: number in `Contact.pair` of the pair of a contact and the next on its beam, or -1
     way: np.ndarray      # float64 [F, 2]: increments of the places in the step, and in the last iteration, m
+    gravity: np.ndarray  # float64 [1]: factor of gravity on their beams
 
 
 def no_following(sliders: int) -> Following:
     """Return the record of sliders on meshes that stand."""
     return Following(np.full((sliders, 3), -1), np.zeros((0, 1), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 2)),
-                     np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 2)))
+                     np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 2)), np.ones(1))
 
 
 # columns of `Following.at`

@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.moving_beam import MovingGravity, energy_of_moving, height_of, momentum_sums, motion_of
 from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.energies import STRAIN
 from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
-from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates
+from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates, ways_of
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import mean_factors
+from fastbeam.model.maps import velocity_map
 
 Array = np.ndarray
 # reason why scenes with moving meshes have no tables of a plane
@@ -31,10 +33,9 @@ class Moving(Feature):
         Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
                                                          "elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((*AT_REST, Analysis.TRAVEL), "moving elements",
-             "moving mesh with slider {name!r}: equilibria and modes do not support moving elements",
-             "compile the scene without MovingMesh; solve_static(contacts='exact') has no mesh error at contacts either",
-             lambda moving, asked: moving.names),
+        Lack((*(x for x in AT_REST if x not in (Analysis.STATIC, Analysis.MODES)), Analysis.STEADY), "moving elements",
+             "moving mesh with slider {name!r}: {who} does not support moving elements",
+             "compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
@@ -75,7 +76,7 @@ class Moving(Feature):
         """Allocate the numbers of contacts that terms of one run share."""
         of = self.following
         return of._replace(border=np.zeros_like(of.border), pull=np.zeros_like(of.pull), cross=np.zeros_like(of.cross),
-                           way=np.zeros_like(of.way))
+                           way=np.zeros_like(of.way), gravity=np.ones(1))
 
     @property
     def alone(self) -> Following:
@@ -89,16 +90,18 @@ class Moving(Feature):
             tab = aligned(table.tables.tab.size)
             tab[:] = table.tables.tab
             yield Stand.MOVING, table._replace(scratch=aligned(table.scratch.size), tables=table.tables._replace(tab=tab),
-                                               following=following, gravity=np.ones(1))
+                                               following=following)
 
     def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
         """Return the factors of gravity in the steps of a span."""
         if self.gravity_time is None:
             return
         factors = mean_factors(self.gravity_time, span.starts, span.lengths)
-        for term in span.terms:
-            if type(term) is type(self.tables[0]):
-                yield Stand.MOVING, MovingGravity(term.gravity, factors)
+        yield Stand.MOVING, MovingGravity(span.own["moving"].gravity, factors)
+
+    def put_gravity(self, following: Following, times: list[Any], factors: Array) -> None:
+        """Set the factor of gravity of an equilibrium; factors [K] of the loads with these time functions."""
+        following.gravity[0] = next((x for time, x in zip(times, factors) if time is self.gravity_time), 0.0)
 
     # --- shapes -------------------------------------------------------------------------------------------------------
     def has(self, first: int | None) -> bool:
@@ -134,6 +137,25 @@ class Moving(Feature):
         other = self.names[first + gap - 1]
         return {"slider": name, "end": other, "s": place, "text": f"sliders {other!r} and {name!r} met, so the length of the "
                                                                   "moving elements between them vanishes"}
+
+    def ways(self, q: Array, s: Array) -> Any:
+        """Return the motion of the nodes along their beams, (v, spin) of all nodes for ds/dt of the contacts, sparse [6 N, F], at
+        coordinates [12 N] and places of sliders: a mesh that moves does not move the material."""
+        n = q.size // 12
+        return sparse.hstack([ways_of(table, q.reshape(-1, 4, 3), s, n) for table in self.tables], format="csr")
+
+    def with_mesh(self, model: Any, q: Array, s: Array, v: Array) -> tuple[Array, Array]:
+        """Return the rates of all nodes [12 N] whose material has the rates v [12 N], and ds/dt of the contacts [F], at
+        coordinates [12 N] and places of sliders."""
+        ways, of_nodes = self.ways(q, s), v.reshape(-1, 4, 3)
+        points = model.sliders.point[self.sliders]
+        along = ways.toarray().reshape(-1, 6, self.sliders.size)[self.contacts, :3, np.arange(self.sliders.size)]
+        relative = of_nodes[points, 0] - of_nodes[self.contacts, 0]
+        rates = np.sum(relative * along, axis=1) / np.sum(along**2, axis=1)
+        out = v + velocity_map(q.reshape(-1, 4, 3)) @ (ways @ rates)
+        # to the last bit
+        out.reshape(-1, 4, 3)[self.contacts, 0] = of_nodes[points, 0]
+        return out, rates
 
     @property
     def nodes(self) -> Array:

@@ -109,7 +109,7 @@ class Mesh:
             np.ascontiguousarray(np.stack((values, slopes))), np.stack((unit.mass_point_s[0], unit.mass_weight[0])),
             np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), weight, np.array(section.C, dtype=float), reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
-            rho[0] * np.asarray(gravity, dtype=float), np.ones(1), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+            rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
 
     def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
         """Describe length times strains of an element whose nodes lie on the reference, which its interpolation does not strain:
@@ -207,6 +207,29 @@ def of_rates(table: MovingBeam, q: Array, s: Array) -> Iterator[OfRates]:
         slope = np.einsum("gn,nkc->gkc", slopes, q[nodes])
         matrix[..., 12 * n:] = -slope[..., None] * np.stack((1.0 - f, f), axis=1)[:, live][:, None, None]
         yield OfRates(columns, matrix * (table.rho != 0.0)[:, None, None], float(h))
+
+
+def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
+    """Return the motion of the nodes of a beam along it, (v, spin) of so many nodes for ds/dt of its contacts, sparse
+    [6 nodes, S], at coordinates [N, 4, 3] and places of all sliders. At element ends slopes are means of both sides."""
+    n, (begin, end) = table.node.shape[1], table.share.T
+    unit = build_basis("lagrange", n - 1, 1, 1.0)
+    at, slopes = unit.node_s, unit.curve("own").evaluate(unit.node_s)[2]
+    # d/ds of the coordinates at the nodes of every element
+    found = np.einsum("ab,ebkc->eakc", slopes, q[table.node]) / element_lengths(table, s)[:, None, None, None]
+    d = q[table.node][:, :, 1:]
+    motion = np.concatenate((found[:, :, 0], 0.5 * np.cross(d, found[:, :, 1:]).sum(axis=2)), axis=2)
+    share = begin[:, None] + at * (end - begin)[:, None]
+    count = np.bincount(table.node.reshape(-1), minlength=nodes)
+    motion /= count[table.node][:, :, None]
+    rows, columns, values = [], [], []
+    for side, part in ((0, 1.0 - share), (1, share)):
+        e = np.flatnonzero(table.slot[:, side] >= 0)
+        rows.append(6 * table.node[e][:, :, None] + np.arange(6))
+        columns.append(np.broadcast_to(table.slot[e, side][:, None, None], rows[-1].shape))
+        values.append(motion[e] * part[e][:, :, None])
+    flat = [np.concatenate([x.reshape(-1) for x in some]) for some in (values, rows, columns)]
+    return sparse.csr_matrix((flat[0], (flat[1], flat[2])), shape=(6 * nodes, table.slider.size))
 
 
 def momenta(table: MovingBeam, q: Array, s: Array, rates: Array) -> Array:

@@ -93,11 +93,13 @@ def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
     scene = getattr(model.uneliminated, "scene", None)
     if scene is None or not model.n_sliders:
         return
+    # contacts that are element ends have no error of the mesh
+    ends = set() if model.moving is None else set(model.moving.sliders.tolist())
     triads, found, total = state.q.reshape(-1, 4, 3)[:, 1:], [], dict[tuple[Beam, int], Array]()
     for k, slider in enumerate(scene.sliders[:model.n_sliders]):
         first = model.first_force[k]
         push = state.force[first:first + 3]
-        if isinstance(slider, Sleeve) or isinstance(slider.beam, Switch) or not push.any():
+        if isinstance(slider, Sleeve) or isinstance(slider.beam, Switch) or not push.any() or k in ends:
             continue
         nodes, values = shapes_at(model, k, float(state.s[k]))
         beam, s = place_of(slider, float(state.s[k]))
