@@ -151,7 +151,7 @@ class StaticAlong:
         sign, at_stop, changes = self.modes
         most = self.friction * equations.normal
         needed = equations.sliding
-        slack = ROUND_OFF * (np.linalg.norm(equations.tangent, axis=1) * equations.size + np.abs(self.known(s)[0]))
+        slack = ROUND_OFF * (np.linalg.norm(equations.along, axis=1) * equations.size + np.abs(self.known(s)[0]))
         before = sign.copy(), at_stop.copy()
         resting = ~self.held & (sign == 0) & (self.rubs | (at_stop != 0))
         returned = (sign != 0) & (sign * (s - self.before) < -BACK * self.lengths)
@@ -208,7 +208,7 @@ class StaticAlong:
 def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Equations:
     """Add normal forces and friction to equations; slip [S]: coefficients of friction with the sign of the slip."""
     core, force = constraints.stepper.core, constraints.stepper.core_state.force
-    t, (s, d) = found.tangent, found.tangent.shape
+    t, (s, d) = found.along, found.along.shape
     f = force[:s * d].reshape(s, d)
     long, size = np.linalg.norm(t, axis=1), np.linalg.norm(f, axis=1)
     part = np.sum(f * t, axis=1) / long**2
@@ -226,9 +226,23 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
     other = np.zeros_like(force)
     other[:s * d] = by_tangent.reshape(-1)
     turning = constraints.at(other)
+    if core.moving is not None:
+        turning = _by_axes(core, turning, by_tangent, t)
     pressed = Entries(np.repeat(np.arange(s), d), np.arange(s * d), by_force.reshape(-1))
     return found._replace(sliding=found.sliding + slip * found.normal, bend=found.bend + turning.bend, rubbing=turning.slide,
                           by_force=pressed.with_more(of_edges._replace(value=(slip * long)[of_edges.row] * of_edges.value)))
+
+
+def _by_axes(core: Model, turning: Equations, by_tangent: Array, axes: Array) -> Equations:
+    """Return derivatives of friction with those of contacts on moving meshes by the axes of the sections there."""
+    moving, slide, bend = core.moving, turning.slide, turning.bend.copy()
+    bend[moving.sliders] = 0.0
+    others = ~np.isin(slide.row, moving.sliders)
+    row = np.repeat(moving.sliders, 3)
+    column = (6 * core.pattern.row_of[moving.contacts].astype(np.int64)[:, None] + np.arange(3, 6)).reshape(-1)
+    value = np.cross(axes[moving.sliders], by_tangent[moving.sliders]).reshape(-1)
+    kept = Entries(slide.row[others], slide.column[others], slide.value[others])
+    return turning._replace(bend=bend, slide=kept.with_more(Entries(row, column, value)))
 
 
 def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:

@@ -66,7 +66,8 @@ class Equations(NamedTuple):
     """Equations of constraints at one shape: S sliders, F multipliers, positions of d components, m unknowns of the nodes."""
 
     gap: Array         # float64 [S, d]: of sliders, m
-    tangent: Array     # float64 [S, d]: c'(s)
+    tangent: Array     # float64 [S, d]: c'(s), 0 of contacts on moving meshes
+    along: Array       # float64 [S, d]: c'(s), of these the axis of the section
     sliding: Array     # float64 [S], N: F . c'
     bend: Array        # float64 [S], N/m: derivative of that by s
     gaps: Array        # float64 [F]: of all constraints, m and rad
@@ -297,7 +298,11 @@ class Constraints:
                 gradient.value[np.isin(gradient.row, loose)] = 0.0
         (of, slider), at = self._turns
         turns = self._no_turns or Entries(of, slider, contact.cross[at[0], 0, at[1]])
-        found = Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
+        tangent = along = corner[:, 8 * d:9 * d].copy()
+        if core.moving is not None:
+            along = tangent.copy()
+            along[core.moving.sliders] = state.q.reshape(-1, 4, 3)[core.moving.contacts, 1]
+        found = Equations(residual[:s, :d].copy(), tangent, along, residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
                           gaps, gradient, slide, turns, idle, -work.r)
         return found if self._beside.size == 0 else found._replace(beside=self._between_places())
 
@@ -321,7 +326,7 @@ class Constraints:
     def _none(self) -> Equations:
         """Return the equations of a scene without constraints."""
         none = np.zeros((0, self.stepper.core.dim))
-        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
+        return Equations(none, none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
                          np.zeros_like(self.stepper.work.r))
 
     def _look(self) -> None:

@@ -246,9 +246,9 @@ class Linearisation:
         dx/dt / c'^2."""
         from scipy import sparse
         found = self._pressed()
-        s, d = found.tangent.shape
+        s, d = found.along.shape
         of = np.repeat(np.arange(s), d), np.arange(s * d)
-        share = found.tangent / np.sum(found.tangent**2, axis=1)[:, None]
+        share = found.along / np.sum(found.along**2, axis=1)[:, None]
         gradient = found.gradient.matrix(found.gaps.size, self.map.free.size)[:s * d][:, self.free]
         rates = sparse.csr_matrix((share.reshape(-1), of), shape=(s, s * d)) @ gradient
         return rates.T @ sparse.diags(resting.damping(found)) @ rates

@@ -94,7 +94,7 @@ class RestingSliders:
         """
         along, at_stop = self.along, self.along.modes.at_stop
         most, needed = along.friction * equations.normal, equations.sliding - self.force
-        long = np.linalg.norm(equations.tangent, axis=1)
+        long = np.linalg.norm(equations.along, axis=1)
         slack = OF_CONTACT * (long * equations.size + np.abs(self.force)) + OF_LOADS * long * loads
         resting = ~along.held & (along.rubs | (at_stop != 0))
         gone = resting & ((needed > most + slack) & (at_stop >= 0) | (needed < -most - slack) & (at_stop <= 0))
