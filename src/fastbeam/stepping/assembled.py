@@ -77,6 +77,7 @@ class Equations(NamedTuple):
     idle: Array        # int64 [I]: multipliers that stay as they are
     loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
     beside: Entries = NO_ENTRIES    # [S, S]: of the sliding equations by the places of other sliders, N/m
+    ways: Any = None                # sparse [m, S]: motion of nodes of moving meshes with the places; None without any
     bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
     normal: Any = None              # float64 [S], N: F_n |c'|, normal force with the moments of sleeves
     size: Any = None                # float64 [S], N: of the contact forces
@@ -258,7 +259,8 @@ class Constraints:
     def _beams(self) -> tuple[Any, Any]:
         """Beams whose elements move, and what they share but for the equations of nodes, which are not touched."""
         work = self.stepper.work
-        own = work._replace(r=np.zeros_like(work.r), blocks=aligned_empty(work.blocks.size))
+        self._own_rows = np.zeros_like(work.r)
+        own = work._replace(r=self._own_rows, blocks=aligned_empty(work.blocks.size))
         return self._moving.on(SystemRecord(self.stepper.system._replace(work=own), ADDED))
 
     def at(self, force: Array | None = None) -> Equations:
@@ -270,7 +272,9 @@ class Constraints:
             self._aim()
         work.q_mid[:] = work.q_end[:] = state.q
         if core.moving is not None:
-            kernels.assemble_some(*self._beams, 0.0)
+            table = self._beams
+            self._own_rows[:] = 0.0
+            kernels.assemble_some(*table, 0.0)
         work.r[:] = 0.0
         before = None if force is None else state.force.copy()
         if force is not None:
@@ -304,7 +308,20 @@ class Constraints:
             along[core.moving.sliders] = state.q.reshape(-1, 4, 3)[core.moving.contacts, 1]
         found = Equations(residual[:s, :d].copy(), tangent, along, residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
                           gaps, gradient, slide, turns, idle, -work.r)
-        return found if self._beside.size == 0 else found._replace(beside=self._between_places())
+        return found if core.moving is None else self._by_material(found)
+
+    def _by_material(self, found: Equations) -> Equations:
+        """Return the equations of a scene with moving meshes whose sliding equations are those of displacements of the material:
+        nodes follow the places. Those of the nodes themselves are round-off of the stiffness of beams along their axes."""
+        core, work = self.stepper.core, self.stepper.work
+        state, n, size = self.stepper.state, core.pattern.n, len(core.dofs)
+        ways = core.moving.ways(state.q, state.s).tocoo()
+        node, component = np.divmod(ways.row, 6)
+        row = size * core.pattern.row_of[node] + component
+        seen = row < size * n
+        of = sparse.csr_matrix((ways.data[seen], (row[seen], core.moving.sliders[ways.col[seen]])), shape=(size * n, core.n_sliders))
+        forces = (self._own_rows[:8 * n] + work.r[:8 * n]).reshape(n, 8)[:, :size].reshape(-1)
+        return found._replace(beside=self._between_places(), ways=of, sliding=found.sliding + of.T @ forces)
 
     def _between_places(self) -> Entries:
         """Return the derivatives of sliding equations by the places of neighbours on moving meshes."""
@@ -404,7 +421,16 @@ class SaddleMatrix(MatrixOfBlocks):
                                 rubbing.value * free[rubbing.row], by_force.value * free[by_force.row],
                                 beside.value * free[beside.row] * free[beside.column]))
         np.add.at(data, self._at, value)
-        return with_values(self._matrix, data)
+        found = with_values(self._matrix, data)
+        return found if equations.ways is None else self._by_material(found, equations.ways, free)
+
+    def _by_material(self, matrix: Any, ways: Any, free: Array) -> Any:
+        """Transform a matrix to displacements of the material: nodes of moving meshes are displaced with the places that are free,
+        too."""
+        behind = sparse.csr_matrix((self.nodes, self.nodes)), ways @ sparse.diags(free), sparse.csr_matrix((self.nodes, self.n - self.nodes - free.size))
+        below = sparse.csr_matrix((self.n - self.nodes, self.n))
+        by = sparse.eye(self.n, format="csr") + sparse.vstack([sparse.hstack(behind), below], format="csr")
+        return (by.T @ matrix @ by).tocsr()
 
     def _find_places(self, equations: Equations, dim: int) -> None:
         """Find the places of entries of constraints in the matrix, in the order of `of`."""

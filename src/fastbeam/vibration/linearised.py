@@ -134,10 +134,6 @@ class Linearisation:
             more = self.steady.stiffness(self.q)
             more.resize(matrix.shape)
             matrix = matrix + more
-        if self._ways is not None:
-            by_material = self._by_material(matrix.shape[0])
-            matrix = (by_material.T @ matrix @ by_material).tocsr()
-            right = by_material[keep][:, keep].T @ right
         matrix = matrix[keep][:, keep]
         multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
         transposed = matrix.T.tocsr()
@@ -149,19 +145,6 @@ class Linearisation:
         if symmetric:
             matrix = 0.5 * (matrix + transposed)
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
-
-    def _by_material(self, n: int) -> Any:
-        """Return the map from displacements of the material, and the other unknowns, to all unknowns, sparse [n, n]: nodes of moving
-        meshes are displaced with their places, too."""
-        from scipy import sparse
-        core, moving = self.core, self.own.moving
-        ways = self._ways.tocoo()
-        node, component = np.divmod(ways.row, 6)
-        row, slider = 6 * core.pattern.row_of[node] + component, moving.sliders[ways.col]
-        value = ways.data * self.sliding[slider]
-        at = row < 6 * core.pattern.n
-        value, row, slider = value[at] * self.map.free[row[at]], row[at], slider[at]
-        return sparse.eye(n, format="csr") + sparse.csr_matrix((value, (row, 6 * core.pattern.n + slider)), shape=(n, n))
 
     def _sizes(self, matrix: Any, keep: Array, moves: Array) -> Array:
         """Return sizes of unknowns by which entries of a stiffness are scaled: roots of the diagonal, and where loads have no
