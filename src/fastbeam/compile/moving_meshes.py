@@ -118,7 +118,8 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> An
     count, most = len(every), max(x.size for x in around)
     at, nodes, pairs = np.full((len(scene.sliders), 3), -1), np.full((count, most), -1), []
     pair = np.full(count, -1)
-    following = Following(at, nodes, np.zeros((count, most, 12)), np.zeros((count, 2)), np.zeros((count, 2)), pair,
+    following = Following(at, nodes, np.zeros((count, most, 12)), np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 6)),
+                          np.zeros((count, most)), pair,
                           np.zeros((count, 2)), np.ones(1))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
     for mesh in meshes:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.contact.slider_forces import (
     AGAINST,
     HISTORY,
@@ -227,22 +228,24 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
     other[:s * d] = by_tangent.reshape(-1)
     turning = constraints.at(other)
     if core.moving is not None:
-        turning = _by_axes(core, turning, by_tangent, t)
+        turning = _by_nodes(core, constraints.stepper.own["moving"], turning, by_tangent)
     pressed = Entries(np.repeat(np.arange(s), d), np.arange(s * d), by_force.reshape(-1))
     return found._replace(sliding=found.sliding + slip * found.normal, bend=found.bend + turning.bend, rubbing=turning.slide,
                           by_force=pressed.with_more(of_edges._replace(value=(slip * long)[of_edges.row] * of_edges.value)))
 
 
-def _by_axes(core: Model, turning: Equations, by_tangent: Array, axes: Array) -> Equations:
-    """Return derivatives of friction with those of contacts on moving meshes by the axes of the sections there."""
-    moving, slide, bend = core.moving, turning.slide, turning.bend.copy()
-    bend[moving.sliders] = 0.0
-    others = ~np.isin(slide.row, moving.sliders)
-    row = np.repeat(moving.sliders, 3)
-    column = (6 * core.pattern.row_of[moving.contacts].astype(np.int64)[:, None] + np.arange(3, 6)).reshape(-1)
-    value = np.cross(axes[moving.sliders], by_tangent[moving.sliders]).reshape(-1)
+def _by_nodes(core: Model, following: Following, turning: Equations, by_tangent: Array) -> Equations:
+    """Return derivatives of friction with those of contacts on moving meshes by the tangents there."""
+    sliders, slide, bend = core.moving.sliders, turning.slide, turning.bend.copy()
+    bend[sliders] = 2.0 * np.sum(by_tangent[sliders] * following.tangent[:, 3:], axis=1)
+    others = ~np.isin(slide.row, sliders)
+    f, m = (following.nodes >= 0).nonzero()
+    value = 2.0 * following.slope[f, m][:, None] * by_tangent[sliders[f]]
+    column = 6 * core.pattern.row_of[following.nodes[f, m]].astype(np.int64)[:, None] + np.arange(3)
+    free = column < 6 * core.pattern.n
+    row = np.broadcast_to(sliders[f][:, None], column.shape)
     kept = Entries(slide.row[others], slide.column[others], slide.value[others])
-    return turning._replace(bend=bend, slide=kept.with_more(Entries(row, column, value)))
+    return turning._replace(bend=bend, slide=kept.with_more(Entries(row[free], column[free], value[free])))
 
 
 def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:

@@ -305,7 +305,7 @@ class Constraints:
         tangent = along = corner[:, 8 * d:9 * d].copy()
         if core.moving is not None:
             along = tangent.copy()
-            along[core.moving.sliders] = state.q.reshape(-1, 4, 3)[core.moving.contacts, 1]
+            along[core.moving.sliders] = self.stepper.own["moving"].tangent[:, :3]
         found = Equations(residual[:s, :d].copy(), tangent, along, residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
                           gaps, gradient, slide, turns, idle, -work.r)
         return found if core.moving is None else self._by_material(found)

@@ -42,6 +42,7 @@ class MovingBeam(NamedTuple):
     mass_shape: np.ndarray  # float64 [2, points, n]: shape functions and slopes
     mass_point: np.ndarray  # float64 [2, points]: coordinates and weights
     shape: np.ndarray    # float64 [2, points, n]: at points of the strain energy
+    edge: np.ndarray     # float64 [2, n]: slopes at both ends
     weight: np.ndarray   # float64 [points]
     stiffness: np.ndarray  # float64 [6, 6]
     reference: np.ndarray  # float64 [6]: strains of the reference curve

@@ -143,6 +143,24 @@ def scatter_ends(beam, e, lane, scratch, at, x):
         if beam.slot[e, 1 - side] >= 0:
             # the contact behind has the number `side` = 0
             following.cross[f - side, side] += scratch[corner + 8 * (1 - side)]
+        if beam.share[e, side] == float(side):
+            put_tangent(beam, e, side, f, scratch, at, x, lane)
+
+
+@kernel
+def put_tangent(beam, e, side, f, scratch, at, x, lane):
+    """Add the half of the tangent at contact f, at an end of element e, and its derivatives."""
+    following = beam.following
+    size = 0.5 * (scratch[x.first + LENGTHS + lane] + scratch[x.first + LENGTHS + 8 + lane])
+    # the length at the end grows with the place ahead
+    by_place = (beam.share[e, 1] - beam.share[e, 0]) * (0.5 if side == 1 else -0.5) / size
+    for a in range(at.nn):
+        slope = 0.5 * beam.edge[side, a] / size
+        following.slope[f, beam.entry[e, side, a]] += 0.5 * slope
+        for c in range(3):
+            part = slope * scratch[at.node * a + 8 * c + lane]
+            following.tangent[f, c] += part
+            following.tangent[f, 3 + c] -= by_place * part
 
 
 @kernel
@@ -152,7 +170,10 @@ def clear_contacts(beam):
     for f in range(first, first + beam.slider.shape[0]):
         following.pull[f, 0] = following.pull[f, 1] = 0.0
         following.cross[f, 0] = following.cross[f, 1] = 0.0
+        for c in range(6):
+            following.tangent[f, c] = 0.0
         for m in range(following.border.shape[1]):
+            following.slope[f, m] = 0.0
             for c in range(12):
                 following.border[f, m, c] = 0.0
 

@@ -68,6 +68,8 @@ class Following(NamedTuple):
     border: np.ndarray   # float64 [F, M, 12]
     pull: np.ndarray     # float64 [F, 2]: force of the beam on the place, N, and its derivative by the place at the end of the step
     cross: np.ndarray    # float64 [F, 2]: derivatives of that force by the place of the next contact, and of that on the next
+    tangent: np.ndarray  # float64 [F, 6]: tangent T of the step, a mean of both sides, and its derivative by the place at the end
+    slope: np.ndarray    # float64 [F, M]: derivative of that by the positions of the nodes at the end
     pair: np.ndarray     # int64 [F]: number in `Contact.pair` of the pair of a contact and the next on its beam, or -1
     way: np.ndarray      # float64 [F, 2]: increments of the places in the step, and in the last iteration, m
     gravity: np.ndarray  # float64 [1]: factor of gravity on their beams
@@ -76,7 +78,7 @@ class Following(NamedTuple):
 def no_following(sliders: int) -> Following:
     """Return the record of sliders on meshes that stand."""
     return Following(np.full((sliders, 3), -1), np.zeros((0, 1), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 2)),
-                     np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 2)), np.ones(1))
+                     np.zeros((0, 2)), np.zeros((0, 6)), np.zeros((0, 1)), np.zeros(0, np.int64), np.zeros((0, 2)), np.ones(1))
 
 
 # columns of `Following.at`
@@ -383,7 +385,7 @@ def add_slider(along, term, system, k):
     follows = term.sliders.following.at[k, NUMBER]
     if follows >= 0:
         # the force of the beam on the place stands for F . T
-        tangent = axis_of(work.q_mid, node_of.call(nodes, lo), dofs)
+        tangent = vector(term.sliders.following.tangent[follows], 0, 1, dofs)
         push += dot(f, tangent) - term.sliders.following.pull[follows, 0]
     law = sliding_law.call(term.along, term, system, k, f, tangent, push)
     turned = in_step.call(system.method, spin_cross.call(way.turn, law.force))
@@ -404,40 +406,37 @@ def add_slider(along, term, system, k):
     if follows >= 0:
         by_force, sliding = law.tangent - law.share * tangent, dot(law.force, tangent) + law.rest
         by_s += law.share * term.sliders.following.pull[follows, 1]
+        by_s += dot(law.force - law.share * f, vector(term.sliders.following.tangent[follows], 3, 1, dofs))
     put_corner.call(contact, k, way.end_s, 0.5 * way.mean_s, by_force, by_s, dofs)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end, sliding, dofs)
     hold_section.call(term.sleeves, sums, term, system, k, nodes, lo, hi, law)
     if follows >= 0:
-        follow_contact.call(contact, term, system, k, node_of.call(nodes, lo), law)
+        follow_contact.call(contact, term, system, k, law)
 
 
 @generic
-def follow_contact(contact, term, system, k, node, law):
+def follow_contact(contact, term, system, k, law):
     """Add to the border of slider k, whose contact is a node that moves with it, what the whole beam has in its sliding
     equation."""
 
 
 @follow_contact.register(FactoredContact)
 @kernel
-def follow_no_contact(contact, term, system, k, node, law):
+def follow_no_contact(contact, term, system, k, law):
     pass
 
 
 @follow_contact.register(Contact)
 @kernel
-def add_border_of_beam(contact, term, system, k, node, law):
+def add_border_of_beam(contact, term, system, k, law):
     work, dofs, row_of = system.work, system.dofs, system.row_of
     following, spin_root = term.sliders.following, term.sliders.spin_root
     f = following.at[k, NUMBER]
     n = len(dofs)
     zero = zero_vector(dofs)
-    idle = Weights(0.0, 0.0, 0.0, 0.0)
     still = zero_spin(dofs)
-    frame = Frame(zero, zero, still, zero, still)
-    # of friction, by the axis of the section
-    by_axis = law.force - law.share * vector(system.state.force, contact.first_force[k], 1, dofs)
-    turned = 0.5 * cross_product.call(axis_of(work.q_end, node, dofs), by_axis)
-    put_node.call(contact, k, row_of[spin_root[node]], -1, turned, idle, frame, dofs)
+    # of friction
+    by_tangent = law.force - law.share * vector(system.state.force, contact.first_force[k], 1, dofs)
     # the order of elimination follows the entries before
     contact.strong[k] = contact.entries[k]
     for m in range(following.nodes.shape[1]):
@@ -446,8 +445,8 @@ def add_border_of_beam(contact, term, system, k, node, law):
             break
         border = following.border[f, m]
         root = spin_root[at]
-        o = put_translation.call(term.ties, contact, k, at, row_of[at], work, Weights(0.0, 0.0, 1.0, law.share),
-                                 vector(border, 0, 1, dofs), vector(border, n, 1, dofs), dofs)
+        o = put_translation.call(term.ties, contact, k, at, row_of[at], work, Weights(0.0, 0.0, 1.0, 1.0), vector(border, 0, 1, dofs),
+                                 law.share * vector(border, n, 1, dofs) + following.slope[f, m] * by_tangent, dofs)
         put_node.call(contact, k, row_of[root], o if root == at else -1, law.share * spin(border, n + dim(dofs), dofs),
                       Weights(0.0, 0.0, 1.0, 0.0), Frame(zero, zero, spin(border, dim(dofs), dofs), zero, still), dofs)
     if following.pair[f] >= 0:

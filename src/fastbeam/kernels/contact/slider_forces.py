@@ -37,14 +37,12 @@ from fastbeam.kernels.contact.coulomb import (
 )
 from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, slot
 from fastbeam.kernels.contact.slider import (
-    NODE,
     NUMBER,
     NoSleeves,
     SlidingLaw,
     account_along,
     add_contact,
     add_slider,
-    axis_of,
     begin_along,
     begin_passage,
     is_settled_along,
@@ -545,13 +543,6 @@ def tangent_of_positions(sleeves, along, term, system, k):
     return start + 0.5 * change - 0.25 * spin_cross.call(turn, change), 0.0
 
 
-@kernel
-def axis_at(term, k, q, dofs):
-    """Return d_1 of the node at slider k, which moves with it."""
-    nodes = nodes_of.call(term.curves, term.sliders.curve[k])
-    return axis_of(q, node_of.call(nodes, term.sliders.following.at[k, NODE]), dofs)
-
-
 @separate
 def account_work(along, term, system, k):
     """Record the work of friction and of the drive of a slider that moves."""
@@ -563,7 +554,7 @@ def account_work(along, term, system, k):
     ds = s1 - s0
     follows = term.sliders.following.at[k, NUMBER]
     if follows >= 0:
-        tangent = 0.5 * (axis_at(term, k, state.q, dofs) + axis_at(term, k, work.q_end, dofs))
+        tangent = vector(term.sliders.following.tangent[follows], 0, 1, dofs)
         push += dot(force, tangent) - pull_at_end(term, system, k)
     total = dot(force, tangent) - push
     stop = stop_force(along, k, s0, s1).value

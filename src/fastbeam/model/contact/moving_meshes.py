@@ -76,6 +76,7 @@ class Moving(Feature):
         """Allocate the numbers of contacts that terms of one run share."""
         of = self.following
         return of._replace(border=np.zeros_like(of.border), pull=np.zeros_like(of.pull), cross=np.zeros_like(of.cross),
+                           tangent=np.zeros_like(of.tangent), slope=np.zeros_like(of.slope),
                            way=np.zeros_like(of.way), gravity=np.ones(1))
 
     @property
@@ -144,12 +145,19 @@ class Moving(Feature):
         n = q.size // 12
         return sparse.hstack([ways_of(table, q.reshape(-1, 4, 3), s, n) for table in self.tables], format="csr")
 
+    def tangents(self, q: Array, s: Array) -> Array:
+        """Return the tangents of beams at the contacts, means of both sides, at coordinates [12 N] and places of sliders, [F, 3]."""
+        return np.asarray(self._along(self.ways(q, s)))
+
+    def _along(self, ways: Any) -> Array:
+        return np.asarray(ways.toarray().reshape(-1, 6, self.sliders.size)[self.contacts, :3, np.arange(self.sliders.size)])
+
     def with_mesh(self, model: Any, q: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """Return the rates of all nodes [12 N] whose material has the rates v [12 N], and ds/dt of the contacts [F], at
         coordinates [12 N] and places of sliders."""
         ways, of_nodes = self.ways(q, s), v.reshape(-1, 4, 3)
         points = model.sliders.point[self.sliders]
-        along = ways.toarray().reshape(-1, 6, self.sliders.size)[self.contacts, :3, np.arange(self.sliders.size)]
+        along = self._along(ways)
         relative = of_nodes[points, 0] - of_nodes[self.contacts, 0]
         rates = np.sum(relative * along, axis=1) / np.sum(along**2, axis=1)
         out = v + velocity_map(q.reshape(-1, 4, 3)) @ (ways @ rates)

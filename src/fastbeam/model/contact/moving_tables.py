@@ -107,7 +107,7 @@ class Mesh:
             entry, np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, sliders,
             np.zeros(1, np.int64), share, np.array((beam.length, SHORTEST * beam.length)),
             np.ascontiguousarray(np.stack((values, slopes))), np.stack((unit.mass_point_s[0], unit.mass_weight[0])),
-            np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), weight, np.array(section.C, dtype=float), reference,
+            np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), unit.curve("own").evaluate(np.array((0.0, 1.0)))[2], weight, np.array(section.C, dtype=float), reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
             rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
 
