@@ -133,7 +133,7 @@ def test_rings_with_friction_rest_where_meshes_with_an_element_end_have_them() -
 def test_an_equilibrium_at_half_of_the_weight() -> None:
     """The weight of moving elements has the load factor."""
     model = fb.compile_scene(on_a_rope(6, (0.9,), (0.2,)))
-    half = fb.solve_static(model, load_steps=2)
+    half = fb.solve_static(model, load_step=0.5)
     light = fb.Scene(*on_a_rope(6, (0.9,), (0.2,)).parts, gravity=(0, 0, -0.5 * 9.81))
     alone = fb.solve_static(fb.compile_scene(light))
     k = int(np.argmin(np.abs(half.t - 0.5)))

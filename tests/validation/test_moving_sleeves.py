@@ -170,6 +170,3 @@ def test_what_sleeves_on_moving_meshes_refuse() -> None:
     rod, body = scene.beams[0], scene.bodies[0]
     with pytest.raises(fb.SceneError, match="has a bore of length=1 m .* give length=0"):
         fb.MovingMesh(rod, fb.Sleeve("sleeve", body, rod, at=1.3))
-    model = fb.compile_scene(fb.with_moving_meshes(flight(4)))
-    with pytest.raises(fb.SceneError, match="not support moving elements"):
-        fb.solve_static(model)

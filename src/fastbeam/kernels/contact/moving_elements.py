@@ -361,7 +361,7 @@ def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h):
     for i in range(x.first + FORCES, x.first + WEIGHT, 8):
         vst(scratch, i, 0, 0.0)
     put_stored(beam, method, strains, tab, coupled, scratch, at, x)
-    for g in range(beam.mass_point.shape[1] if h > 0.0 else 0):
+    for g in range(beam.mass_point.shape[1] if h != 0.0 else 0):
         for k in range(4):
             if beam.rho[k] != 0.0:
                 put_inertia(beam, scratch, at, x, g, k, h)
