@@ -205,7 +205,9 @@ class PathSolver(SlidingSolver):
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
         push = more - right
-        alike = self.motion is None and not self.strains.beams and not self._by_laws and self.along is None
+        # the weight of moving elements depends on their shape
+        alike = (self.motion is None and not self.strains.beams and not self._by_laws and self.along is None
+                 and self.core.moving is None)
         if alike and self.core.ties is None:
             # for dead loads it is constant: the loads themselves, without round-off, except on fixed unknowns
             size, n = len(self.core.dofs), self.core.pattern.n
@@ -220,6 +222,9 @@ class PathSolver(SlidingSolver):
             self.motion.share, self.motion.ahead = factor, ahead
         factor += ahead
         self._loads[:] = self._first_loads + factor * self._unit_loads
+        if self.core.moving is not None:
+            first, change = self._of_time
+            self.stepper.put_gravity(first + factor * change)
         self.strains.put(factor)
         laws = self._laws
         self.set_time(laws.time, laws.first + factor * laws.change)

@@ -86,8 +86,6 @@ class SaddleSolver(StaticSolver):
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
-        # motion of nodes of moving meshes with the places of contacts, of the last matrix
-        self._ways: Any = None
         # equations of a scene without constraints, and loads with the forces of constraints
         self._without: Equations | None = None
         self._all_loads = self.work.f_ext
@@ -192,7 +190,7 @@ class SaddleSolver(StaticSolver):
         else:
             x = self.motion.rows(given, model, self.map.axes)
             self.carrying.assemble(self.stepper, self._records[1], x)
-        matrix, self._ways = self._matrix.of(work.blocks, equations, sliding, drag), equations.ways
+        matrix = self._matrix.of(work.blocks, equations, sliding, drag)
         right, gaps = np.zeros(self._multiplier.size), equations.gaps
         r = right[:self.nodes].reshape(n, size)
         r[:] = work.r[:8 * n].reshape(n, 8)[:, :size]
@@ -262,7 +260,7 @@ class SaddleSolver(StaticSolver):
         if core.moving is not None:
             # nodes of moving meshes follow the places
             x = x.copy()
-            x[:self.nodes] += self._ways @ x[self.places]
+            x[:self.nodes] += self.constraints.ways @ x[self.places]
         # arms of tied nodes are those of the present shape, which need not be that of the last equations
         if work.q_end.size:
             work.q_mid[:] = work.q_end[:] = state.q

@@ -310,16 +310,23 @@ class Constraints:
                           gaps, gradient, slide, turns, idle, -work.r)
         return found if core.moving is None else self._by_material(found)
 
+    @property
+    def ways(self) -> Any:
+        """Motion of the unknowns of nodes of moving meshes with the places of sliders at the present shape, sparse [m, S]."""
+        core, state = self.stepper.core, self.stepper.state
+        size = len(core.dofs)
+        m = size * core.pattern.n
+        ways = core.moving.ways(state.q, state.s).tocoo()
+        node, component = np.divmod(ways.row, 6)
+        row = size * core.pattern.row_of[node] + component
+        seen = row < m
+        return sparse.csr_matrix((ways.data[seen], (row[seen], core.moving.sliders[ways.col[seen]])), shape=(m, core.n_sliders))
+
     def _by_material(self, found: Equations) -> Equations:
         """Return the equations of a scene with moving meshes whose sliding equations are those of displacements of the material:
         nodes follow the places. Those of the nodes themselves are round-off of the stiffness of beams along their axes."""
         core, work = self.stepper.core, self.stepper.work
-        state, n, size = self.stepper.state, core.pattern.n, len(core.dofs)
-        ways = core.moving.ways(state.q, state.s).tocoo()
-        node, component = np.divmod(ways.row, 6)
-        row = size * core.pattern.row_of[node] + component
-        seen = row < size * n
-        of = sparse.csr_matrix((ways.data[seen], (row[seen], core.moving.sliders[ways.col[seen]])), shape=(size * n, core.n_sliders))
+        n, size, of = core.pattern.n, len(core.dofs), self.ways
         forces = (self._own_rows[:8 * n] + work.r[:8 * n]).reshape(n, 8)[:, :size].reshape(-1)
         return found._replace(beside=self._between_places(), ways=of, sliding=found.sliding + of.T @ forces)
 

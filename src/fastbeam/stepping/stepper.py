@@ -228,7 +228,11 @@ class Stepper:
         read it."""
         kernels.external_forces(self.core.loads, factors, out)
         if self.core.moving is not None:
-            self.core.moving.put_gravity(self.own["moving"], self.core.load_times, factors)
+            self.put_gravity(factors)
+
+    def put_gravity(self, factors: Array) -> None:
+        """Let gravity on moving meshes have the factor that it has among those of all loads, [K]."""
+        self.core.moving.put_gravity(self.own["moving"], self.core.load_times, factors)
 
     def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
         """Set the time, s, and load factor of forces by laws, moving air and ropes, in statics; shares: as of `Growing.put`."""

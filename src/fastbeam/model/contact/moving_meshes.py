@@ -23,6 +23,10 @@ Array = np.ndarray
 IN_SPACE = "moving meshes are available in space only"
 
 
+# analyses at rest that know moving elements
+AT_ENDS = Analysis.STATIC, Analysis.MODES, Analysis.PATH, Analysis.STICK
+
+
 @dataclass(frozen=True)
 class Moving(Feature):
     """Moving meshes of a model."""
@@ -33,7 +37,7 @@ class Moving(Feature):
         Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
                                                          "elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((*(x for x in AT_REST if x not in (Analysis.STATIC, Analysis.MODES)), Analysis.STEADY), "moving elements",
+        Lack((*(x for x in AT_REST if x not in AT_ENDS), Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
