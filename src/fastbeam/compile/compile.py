@@ -362,7 +362,8 @@ def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> S
             corners[c, *place] = -1 if track is None else len(every), is_sharp
             every += [] if track is None else [track]
     spans = {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
-    return SlidingContact(scene.sliders, pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64), no_following(point.size)),
+    sliders = Sliders(curve, point, joints.spin_root.astype(np.int64), no_following(point.size))
+    return SlidingContact(scene.sliders, pack(every), sliders,
                           sleeves_of(scene, nodes, kept), np.array([slider.beam.length for slider in scene.sliders]), spans,
                           corners, tuple(track.node_s for track in every))
 

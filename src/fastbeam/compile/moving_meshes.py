@@ -118,9 +118,9 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> An
     count, most = len(every), max(x.size for x in around)
     at, nodes, pairs = np.full((len(scene.sliders), 3), -1), np.full((count, most), -1), []
     pair = np.full(count, -1)
-    following = Following(at, nodes, np.zeros((count, most, 12)), np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 6)),
-                          np.zeros((count, most)), pair,
-                          np.zeros((count, 2)), np.ones(1))
+    two = np.zeros((count, 2))
+    following = Following(at, nodes, np.zeros((count, most, 12)), two, two, np.zeros((count, 6)), np.zeros((count, most)), pair,
+                          two, np.ones(1))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
     for mesh in meshes:
         sliders = np.array([number[slider] for slider in mesh.sliders])
@@ -142,4 +142,5 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> An
     # meshes move with the contacts, which the initial velocities of the material do not know
     v, rates = moving.with_mesh(model, model.q0, model.s0, model.v0)
     model = replace(model.with_features(replace(moving, rates=rates)), v0=v)
-    return replace(model, features=tuple(x.with_following(following) if isinstance(x, SlidingContact) else x for x in model.features))
+    return replace(model, features=tuple(x.with_following(following) if isinstance(x, SlidingContact) else x
+                                         for x in model.features))

@@ -41,8 +41,8 @@ class Numbered:
 
 
 def number(scene: Scene, meshes: Sequence[Mesh] = ()) -> Numbered:
-    """Number the nodes of a scene; meshes: those that move with contacts. Raises SceneError: joints cannot be eliminated, or are impossible at the places of their
-    ends."""
+    """Number the nodes of a scene; meshes: those that move with contacts. Raises SceneError: joints cannot be eliminated, or are
+    impossible at the places of their ends."""
     nodes = NodeList(scene)
     place_points(scene, nodes)
     length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0

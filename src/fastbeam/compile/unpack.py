@@ -84,8 +84,8 @@ class Unpacked:
 
 def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], Model], meshes: Sequence[Mesh] = ()) -> Unpacked:
     """Return the arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected;
-    meshes: those that move with contacts, whose elements are left out, but for the initial state. Raises SceneError: initial velocities that a connection, a
-    support or a slider does not allow."""
+    meshes: those that move with contacts, whose elements are left out, but for the initial state. Raises SceneError: initial
+    velocities that a connection, a support or a slider does not allow."""
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                 if all(part is not mesh.beam for mesh in meshes)]

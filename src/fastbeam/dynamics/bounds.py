@@ -1,5 +1,5 @@
-"""Coordinates of a run that have bounds, at ends of beams and rigid stops: arc lengths of sliders, with moving meshes ways between
-their contacts, then coordinates of joints that may stick."""
+"""Coordinates of a run that have bounds, at ends of beams and rigid stops: arc lengths of sliders, with moving meshes ways
+between their contacts, then coordinates of joints that may stick."""
 from __future__ import annotations
 
 from typing import Any

@@ -337,7 +337,8 @@ class Locking:
         state = State(*(x.copy() for x in state))
         if awaited.action == LOCK:
             gaps = ConstraintGaps(self.model).at(state.q, state.s)
-            _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, rates_in(self.model, x)) * gaps.tangents[k])
+            _, state, loss = blow(self.model, state, k, np.eye(3),
+                                  lambda x: -gaps.along(k, rates_in(self.model, x)) * gaps.tangents[k])
         own = self.model.along_of(state.history)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:

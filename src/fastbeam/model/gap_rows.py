@@ -35,8 +35,8 @@ class Gaps(NamedTuple):
     """Gaps of all constraints at one shape: S sliders, F multipliers."""
 
     values: Array   # float64 [F], m and rad; 0 for coordinates of joints and free twists
-    rates: Any      # sparse [F, 12 N + P]: derivatives by the rates of all coordinates, and of places of contacts on moving meshes;
-    #                 other sliders follow their points along the beam
+    rates: Any      # sparse [F, 12 N + P]: derivatives by the rates of all coordinates, and of places of contacts on moving
+    #                 meshes; other sliders follow their points along the beam
     tangents: Array  # float64 [S, 3]: derivative by s of the curves under the sliders
     met: Any        # sparse [P, 12 N + P]: rates of points along the beam, relative to the nodes of moving meshes at them
     place: Array    # int64 [S]: numbers of the rates of places of contacts on moving meshes, -1 of other sliders

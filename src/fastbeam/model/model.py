@@ -177,8 +177,8 @@ class Model(WithFeatures):
 
     @cached_property
     def coupled(self) -> Array:
-        """Pairs of constraints that are coupled by own unknowns, int64 [O, 2]: `sleeve_pairs`, then contacts of moving meshes and the
-        next on their beams."""
+        """Pairs of constraints that are coupled by own unknowns, int64 [O, 2]: `sleeve_pairs`, then contacts of moving meshes and
+        the next on their beams."""
         return self.sleeve_pairs if self.moving is None else np.concatenate((self.sleeve_pairs, self.moving.pairs))
 
     @property

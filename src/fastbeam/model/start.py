@@ -482,7 +482,7 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     rows = ConstraintGaps(model)
     gaps, at_start, size = rows.at(state.q, state.s), rows.at(model.q0, model.s0), model.v0.size
     # nodes of moving meshes have the velocities of the points there
-    stands = np.ones(model.n_sliders, bool) if model.moving is None else ~np.isin(np.arange(model.n_sliders), model.moving.sliders)
+    stands = ~np.isin(np.arange(model.n_sliders), [] if model.moving is None else model.moving.sliders)
     by_rates, at_first, goals = gaps.rates[:, :size], at_start.rates[:, :size], []
     for k, tangent in enumerate(gaps.tangents):
         goals.append(at_start.along(k, rates_in(model, model.state())) * stands[k] * tangent)

@@ -207,7 +207,7 @@ class PathSolver(SlidingSolver):
         push = more - right
         # the weight of moving elements depends on their shape
         alike = (self.motion is None and not self.strains.beams and not self._by_laws and self.along is None
-                 and self.core.moving is None)
+                 and (self.core.moving is None or not np.any(self.core.gravity)))
         if alike and self.core.ties is None:
             # for dead loads it is constant: the loads themselves, without round-off, except on fixed unknowns
             size, n = len(self.core.dofs), self.core.pattern.n

@@ -432,11 +432,10 @@ class SaddleMatrix(MatrixOfBlocks):
         return found if equations.ways is None else self._by_material(found, equations.ways, free)
 
     def _by_material(self, matrix: Any, ways: Any, free: Array) -> Any:
-        """Transform a matrix to displacements of the material: nodes of moving meshes are displaced with the places that are free,
-        too."""
-        behind = sparse.csr_matrix((self.nodes, self.nodes)), ways @ sparse.diags(free), sparse.csr_matrix((self.nodes, self.n - self.nodes - free.size))
-        below = sparse.csr_matrix((self.n - self.nodes, self.n))
-        by = sparse.eye(self.n, format="csr") + sparse.vstack([sparse.hstack(behind), below], format="csr")
+        """Transform a matrix to displacements of the material: nodes of moving meshes are displaced with the places that are
+        free, too."""
+        of, n = (ways @ sparse.diags(free)).tocoo(), self.n
+        by = sparse.eye(n, format="csr") + sparse.csr_matrix((of.data, (of.row, self.nodes + of.col)), shape=(n, n))
         return (by.T @ matrix @ by).tocsr()
 
     def _find_places(self, equations: Equations, dim: int) -> None:

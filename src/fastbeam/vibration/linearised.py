@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.beams.nodes import Held
 from fastbeam.kernels.state import State
 from fastbeam.linalg.eigen import Pencil
@@ -311,8 +310,9 @@ class Linearisation:
         fresh = self.model.state()
         self.model.keep_turns(fresh.history, start.history)
         if self.model.moving is not None:
-            moved, rates = self.model.moving.with_mesh(self.model, q.reshape(-1), start.s + slide, follow(self.model, v).reshape(-1))
-            v = moved.reshape(-1, 4, 3)
+            rates = follow(self.model, v).reshape(-1)
+            v, rates = self.model.moving.with_mesh(self.model, q.reshape(-1), start.s + slide, rates)
+            v = v.reshape(-1, 4, 3)
             self.model.moving.put_places(fresh.history, rates)
         if self.resting is not None:
             self.resting.remember(fresh.history)

@@ -32,8 +32,8 @@ class MovingBeam(NamedTuple):
     node: np.ndarray     # int64 [E, n]
     entry: np.ndarray    # int64 [E, 2, n]: numbers of the nodes among those of the contact behind, and of that ahead
     place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these.
-    # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them ds/dt of the contacts [S],
-    # and the work of the weight
+    # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them ds/dt of the contacts
+    # [S], and the work of the weight
     slot: np.ndarray     # int64 [E, 2]: contacts that elements lie between, or -1
     slider: np.ndarray   # int64 [S]: sliders of the contacts
     first: np.ndarray    # int64 [1]: number of the first contact among those of all beams

@@ -66,7 +66,7 @@ class Following(NamedTuple):
     at: np.ndarray       # int64 [S, 3]: number among these, node counted along the curve, place of ds/dt in the history; or -1
     nodes: np.ndarray    # int64 [F, M]: nodes of the elements on both sides of a contact, or -1
     border: np.ndarray   # float64 [F, M, 12]
-    pull: np.ndarray     # float64 [F, 2]: force of the beam on the place, N, and its derivative by the place at the end of the step
+    pull: np.ndarray     # float64 [F, 2]: force of the beam on the place, N, and its derivative by the place at the end
     cross: np.ndarray    # float64 [F, 2]: derivatives of that force by the place of the next contact, and of that on the next
     tangent: np.ndarray  # float64 [F, 6]: tangent T of the step, a mean of both sides, and its derivative by the place at the end
     slope: np.ndarray    # float64 [F, M]: derivative of that by the positions of the nodes at the end
@@ -445,8 +445,9 @@ def add_border_of_beam(contact, term, system, k, law):
             break
         border = following.border[f, m]
         root = spin_root[at]
-        o = put_translation.call(term.ties, contact, k, at, row_of[at], work, Weights(0.0, 0.0, 1.0, 1.0), vector(border, 0, 1, dofs),
-                                 law.share * vector(border, n, 1, dofs) + following.slope[f, m] * by_tangent, dofs)
+        by_position = law.share * vector(border, n, 1, dofs) + following.slope[f, m] * by_tangent
+        o = put_translation.call(term.ties, contact, k, at, row_of[at], work, Weights(0.0, 0.0, 1.0, 1.0),
+                                 vector(border, 0, 1, dofs), by_position, dofs)
         put_node.call(contact, k, row_of[root], o if root == at else -1, law.share * spin(border, n + dim(dofs), dofs),
                       Weights(0.0, 0.0, 1.0, 0.0), Frame(zero, zero, spin(border, dim(dofs), dofs), zero, still), dofs)
     if following.pair[f] >= 0:
@@ -457,8 +458,8 @@ def add_border_of_beam(contact, term, system, k, law):
 
 @kernel
 def pull_at_end(term, system, k):
-    """Return the force of the beam on the place of slider k, whose contact is a node that moves with it, behind the last iteration.
-    It has the round-off of the forces on nodes, which does no work with them."""
+    """Return the force of the beam on the place of slider k, whose contact is a node that moves with it, behind the last
+    iteration. It has the round-off of the forces on nodes, which does no work with them."""
     following, x, dofs = term.sliders.following, system.work.increment.x, system.dofs
     f = following.at[k, NUMBER]
     out = following.pull[f, 0] + following.pull[f, 1] * following.way[f, 1]

@@ -40,6 +40,12 @@ class Moving(Feature):
         Lack((*(x for x in AT_REST if x not in AT_ENDS), Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((Analysis.BUCKLING,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving elements",
+             "follow the path to the critical load with solve_path", lambda moving, asked: moving.names),
+        Lack((Analysis.LOSS_FACTOR,), "moving elements", "moving mesh with slider {name!r}: {who} does not know the stiffness of "
+                                                         "the material of moving elements alone",
+             "give sections of other beams damping=, or compile the scene without MovingMesh",
+             lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
@@ -113,6 +119,11 @@ class Moving(Feature):
         """Return whether elements of the beam whose first node this is move."""
         return any(first == int(table.place[1]) for table in self.tables)
 
+    def element_ends(self, first: int, s: Array) -> Array:
+        """Return the ends of the elements of the beam with this first node, m, with the places of all sliders."""
+        table = next(table for table in self.tables if first == int(table.place[1]))
+        return np.concatenate(([0.0], np.cumsum(element_lengths(table, s))[:-1], table.length[:1]))
+
     def table_of(self, k: int) -> Any:
         """Return the term of the beam of slider k."""
         return next(table for table in self.tables if k in table.slider)
@@ -150,7 +161,8 @@ class Moving(Feature):
         return sparse.hstack([ways_of(table, q.reshape(-1, 4, 3), s, n) for table in self.tables], format="csr")
 
     def tangents(self, q: Array, s: Array) -> Array:
-        """Return the tangents of beams at the contacts, means of both sides, at coordinates [12 N] and places of sliders, [F, 3]."""
+        """Return the tangents of beams at the contacts [F, 3], means of both sides, at coordinates [12 N] and places of
+        sliders."""
         return np.asarray(self._along(self.ways(q, s)))
 
     def _along(self, ways: Any) -> Array:
@@ -234,14 +246,14 @@ class Moving(Feature):
         return np.asarray(self.following.at[self.sliders, 2] - int(self.tables[0].place[0]))
 
     def inertia(self, q: Array, s: Array) -> Any:
-        """Assemble the mass matrix of all moving beams at coordinates [12 N] and places of sliders, for rates of coordinates and of
-        places of contacts, sparse [12 N + F, 12 N + F]."""
+        """Assemble the mass matrix of all moving beams at coordinates [12 N] and places of sliders, for rates of coordinates and
+        of places of contacts, sparse [12 N + F, 12 N + F]."""
         size = q.size + self.sliders.size
         return sum(mass_matrix(table, q.reshape(-1, 4, 3), s, size) for table in self.tables)
 
     def momentum(self, history: Array, q: Array, s: Array) -> Array:
-        """Return the momenta in a history as generalised momenta of all coordinates and places of contacts, with the energy (5.20),
-        [12 N + F]."""
+        """Return the momenta in a history as generalised momenta of all coordinates and places of contacts, with the energy
+        (5.20), [12 N + F]."""
         out = np.zeros(q.size + self.sliders.size)
         for table in self.tables:
             first, of = int(table.place[0]), list(of_rates(table, q.reshape(-1, 4, 3), s))

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,7 +89,8 @@ class Mesh:
 
     def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array, sliders: Array,
               following: Following) -> MovingBeam:
-        """Build the constants of the term; numbers of sliders [S]. Places in the history and numbers of contacts are set later."""
+        """Build the constants of the term; sliders: their numbers [S]. Places in the history and numbers of contacts are set
+        later."""
         beam, at = self.beam, self.nodes(numbers)
         n, p = beam.degree + 1, beam.degree
         unit: Basis = build_basis("lagrange", p, 1, 1.0)
@@ -99,7 +101,7 @@ class Mesh:
             e, side = np.nonzero(slot == k)
             entry[e, side] = np.searchsorted(nodes, beam.basis.element_nodes[e])
         _, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
-        section = beam.section
+        section, edge = beam.section, unit.curve("own").evaluate(np.array((0.0, 1.0)))[2]
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
         reference, weight = self.reference - beam.start_strain, unit.weight[0].copy()
         return MovingBeam(
@@ -107,7 +109,8 @@ class Mesh:
             entry, np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, sliders,
             np.zeros(1, np.int64), share, np.array((beam.length, SHORTEST * beam.length)),
             np.ascontiguousarray(np.stack((values, slopes))), np.stack((unit.mass_point_s[0], unit.mass_weight[0])),
-            np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), unit.curve("own").evaluate(np.array((0.0, 1.0)))[2], weight, np.array(section.C, dtype=float), reference,
+            np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), edge, weight, np.array(section.C, dtype=float),
+            reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
             rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
 
@@ -209,12 +212,18 @@ def of_rates(table: MovingBeam, q: Array, s: Array) -> Iterator[OfRates]:
         yield OfRates(columns, matrix * (table.rho != 0.0)[:, None, None], float(h))
 
 
+@cache
+def _slopes_at_nodes(degree: int) -> tuple[Array, Array]:
+    """Return the nodes of an element of length 1 [n], and the slopes of its shape functions at them [n, n]."""
+    unit = build_basis("lagrange", degree, 1, 1.0)
+    return unit.node_s, unit.curve("own").evaluate(unit.node_s)[2]
+
+
 def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
     """Return the motion of the nodes of a beam along it, (v, spin) of so many nodes for ds/dt of its contacts, sparse
     [6 nodes, S], at coordinates [N, 4, 3] and places of all sliders. At element ends slopes are means of both sides."""
     n, (begin, end) = table.node.shape[1], table.share.T
-    unit = build_basis("lagrange", n - 1, 1, 1.0)
-    at, slopes = unit.node_s, unit.curve("own").evaluate(unit.node_s)[2]
+    at, slopes = _slopes_at_nodes(n - 1)
     # d/ds of the coordinates at the nodes of every element
     found = np.einsum("ab,ebkc->eakc", slopes, q[table.node]) / element_lengths(table, s)[:, None, None, None]
     d = q[table.node][:, :, 1:]
@@ -233,8 +242,8 @@ def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
 
 
 def momenta(table: MovingBeam, q: Array, s: Array, rates: Array) -> Array:
-    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates [N, 4, 3], places
-    of all sliders, and rates of both [12 N + F]; 0 for fields without inertia."""
+    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates [N, 4, 3],
+    places of all sliders, and rates of both [12 N + F]; 0 for fields without inertia."""
     return np.array([one.matrix @ rates[one.columns] for one in of_rates(table, q, s)])
 
 

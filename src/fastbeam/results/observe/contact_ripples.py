@@ -241,8 +241,9 @@ class Contacts:
         sliders = [] if scene is None else scene.sliders[:model.n_sliders]
         # contacts that are element ends have no error of the mesh
         ends = set() if model.moving is None else set(model.moving.sliders.tolist())
-        self.sleeves = [(k, x) for k, x in enumerate(sliders) if k not in ends and isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
-        points = [(k, x) for k, x in enumerate(sliders) if k not in ends and not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
+        looked_at = [(k, x) for k, x in enumerate(sliders) if k not in ends and not isinstance(x.beam, Switch)]
+        self.sleeves = [(k, x) for k, x in looked_at if isinstance(x, Sleeve)][:MOST]
+        points = [(k, x) for k, x in looked_at if not isinstance(x, Sleeve)]
         self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
         of = dict[Any, list[tuple[int, Slider]]]()
         for k, x in points:

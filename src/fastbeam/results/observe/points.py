@@ -33,6 +33,10 @@ class PointSeries:
         self.velocity, self.spin, self.orientation, self.acceleration = (
             kind in kinds and bool(given) for kind in ("velocity", "spin", "orientation", "acceleration"))
         self.sections = [_section(model, what) for what in given.values()] if "section" in kinds else []
+        # those whose elements move with contacts
+        self._moves = {k: x for k, x in enumerate(self.sections)
+                       if x is not None and model.moving is not None and model.moving.has(x.first)}
+        self._model = model
         # points on damped beams: number, and section
         self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
         # coordinates of these beams in the newest row
@@ -62,6 +66,8 @@ class PointSeries:
         if self.sections:
             out |= {name: np.full((len(self.places), 3), np.nan) for name in ("section_force", "section_moment")}
             for k, section in enumerate(self.sections):
+                if k in self._moves:
+                    section = Sections(self._model, section.beam, section.s, state.s)
                 if section is not None:
                     _put(out, k, section, q[section.span])
             self._kept = [q[section.span].copy() for _, section in self.damped]
@@ -144,6 +150,8 @@ def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
             raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
                              f"got {shown(what)}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
+        if isinstance(owner, Beam) and 0 < node.index < owner.n_nodes - 1:
+            require(Analysis.POINT_INSIDE, model, name, part=owner)
     try:
         return model.numbers.start(owner) + local, weights
     except KeyError:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,17 +87,22 @@ class Sections:
 
     beam: beam of the compiled scene; also a beam of a net, `net.beam(k)`.
     s: float or array_like [m], arc lengths, m; default: the ends of all elements.
+    places: places of all sliders [S], with which elements of moving meshes move; default: those of the initial state.
     Raises SceneError: the beam is not in the scene, or an arc length lies outside.
     """
 
-    def __init__(self, model: Model, beam: Beam, s: ArrayLike | None = None) -> None:
+    def __init__(self, model: Model, beam: Beam, s: ArrayLike | None = None, places: Array | None = None) -> None:
         # nodes of the beam among those of the model
         self.span = span_of("section", model, beam)
         self.first = self.span.start
-        self.beam, basis = beam, beam.basis
-        self.s = basis.element_ends if s is None else _lengths(beam, s)
-        self.count = basis.n_nodes
+        self.s = beam.basis.element_ends if s is None else _lengths(beam, s)
         reference = model.q0.reshape(-1, 4, 3)
+        if places is not None and model.moving is not None and model.moving.has(self.first):
+            beam = replace(beam, elements=model.moving.element_ends(self.first, places))
+            reference = reference.copy()
+            reference[self.span, 0], reference[self.span, 1:] = beam.reference(beam.basis.node_s)
+        self.beam, basis = beam, beam.basis
+        self.count = basis.n_nodes
         tables = elements_of(beam, self.first, reference[:, 0], reference[:, 1:])
         at = np.clip(np.searchsorted(basis.element_ends, self.s, side="right") - 1, 0, basis.n_elements - 1)
         self.strain = beam.strain
@@ -195,6 +200,25 @@ def _lengths(beam: Beam, s: ArrayLike) -> Array:
     return found
 
 
+def _on_moving_mesh(model: Model, shapes: Result | State, beam: Beam, s: ArrayLike | None, t: Array, phi: Array,
+                    directors: Array) -> SectionForces:
+    """Compute the forces of a beam whose elements move, with a mesh of its own for every shape."""
+    if isinstance(shapes, State):
+        places = shapes.s[None]
+    else:
+        if "s_slide" not in shapes.series or not np.isin(t, shapes.t).all():
+            raise SceneError(f"section_forces: the elements of {beam.label} move with its contacts, whose places at the times of "
+                             "the shapes this result does not have; run with observe=('slider', ...) and rows at all times of "
+                             "snapshots, or give a State")
+        places = shapes.series["s_slide"][np.searchsorted(shapes.t, t)]
+    found = []
+    for k, place in enumerate(places):
+        sections = Sections(model, beam, s, place)
+        found.append(sections.at(t[k:k + 1], phi[k:k + 1, sections.span], directors[k:k + 1, sections.span]))
+    names = "force", "moment", "strains", "position", "directors"
+    return SectionForces(np.asarray(t), found[0].s, *(np.concatenate([getattr(x, name) for x in found]) for name in names))
+
+
 @checked(model=Anything(), shapes=Anything(), beam=Anything(), s=Anything())
 def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLike | None = None) -> SectionForces:
     """Compute normal force, shear forces, torsion and bending moments along a beam.
@@ -251,6 +275,8 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     if phi.shape[1] != model.n_nodes:
         raise SceneError(f"section_forces: the shapes have {phi.shape[1]} nodes, but the model of scene {model.scene_name!r} has "
                          f"{model.n_nodes}; give the model of that run, and keep shapes with output=Output(snapshots=...)")
+    if model.moving is not None and model.moving.has(span_of("section_forces", model, beam).start):
+        return _on_moving_mesh(model, shapes, beam, s, t, phi, directors)
     sections = Sections(model, beam, s)
     phi, directors, rates = phi[:, sections.span], directors[:, sections.span], None
     if sections.viscosity is not None and v is not None:
