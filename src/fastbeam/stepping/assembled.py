@@ -76,7 +76,7 @@ class Equations(NamedTuple):
     turns: Entries     # [F, S]: minus the derivative of conditions of sleeves by s, rad/m
     idle: Array        # int64 [I]: multipliers that stay as they are
     loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
-    beside: Entries = NO_ENTRIES    # [S, S]: of the sliding equations by the places of other sliders, N/m
+    neighbours: Entries = NO_ENTRIES    # [S, S]: of the sliding equations by the places of other sliders, N/m
     ways: Any = None                # sparse [m, S]: motion of nodes of moving meshes with the places; None without any
     bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
     normal: Any = None              # float64 [S], N: F_n |c'|, normal force with the moments of sleeves
@@ -187,7 +187,7 @@ class Constraints:
         self._axes = self._keyed = np.zeros(0)
         if not isinstance(self._sleeves, NoSleeves):
             self._axes, self._keyed = self._sleeves.axes.copy(), self._sleeves.keyed.copy()
-        self._beside = NONE
+        self._neighbours = NONE
         if self._contact is not None:
             self._begin()
 
@@ -204,7 +204,7 @@ class Constraints:
         # entries of the last structure
         self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
-        sleeves, self._beside = contact.pair[:len(core.sleeve_pairs)], np.arange(len(core.sleeve_pairs), len(contact.pair))
+        sleeves, self._neighbours = contact.pair[:len(core.sleeve_pairs)], np.arange(len(core.sleeve_pairs), len(contact.pair))
         forces = contact.forces[sleeves[:, 1]]
         o, p = (np.arange(8) < forces[:, None]).nonzero()
         self._turns = (contact.first_force[sleeves[o, 1]] + p, sleeves[o, 0]), (o, p)
@@ -328,13 +328,13 @@ class Constraints:
         core, work = self.stepper.core, self.stepper.work
         n, size, of = core.pattern.n, len(core.dofs), self.ways
         forces = (self._own_rows[:8 * n] + work.r[:8 * n]).reshape(n, 8)[:, :size].reshape(-1)
-        return found._replace(beside=self._between_places(), ways=of, sliding=found.sliding + of.T @ forces)
+        return found._replace(neighbours=self._between_places(), ways=of, sliding=found.sliding + of.T @ forces)
 
     def _between_places(self) -> Entries:
         """Return the derivatives of sliding equations by the places of neighbours on moving meshes."""
         contact = self._contact
-        one, other = contact.pair[self._beside].T
-        value = 2.0 * contact.cross[self._beside, :, self.stepper.core.dim].T
+        one, other = contact.pair[self._neighbours].T
+        value = 2.0 * contact.cross[self._neighbours, :, self.stepper.core.dim].T
         return Entries(np.concatenate((one, other)), np.concatenate((other, one)), value.reshape(-1))
 
     def gaps_at(self, q: Array) -> Array:
@@ -410,8 +410,8 @@ class SaddleMatrix(MatrixOfBlocks):
         drag: stiffness against increments of sliding coordinates, N/m.
         """
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
-        rubbing, by_force, beside = equations.rubbing, equations.by_force, equations.beside
-        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row, len(beside.row)
+        rubbing, by_force, neighbours = equations.rubbing, equations.by_force, equations.neighbours
+        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row, len(neighbours.row)
         idle = equations.idle.tobytes()
         if idle != self._idle or not all(map(is_, places[:6], self._last)) or places[6] != self._last[6]:
             self._find_places(equations, equations.tangent.shape[1])
@@ -426,7 +426,7 @@ class SaddleMatrix(MatrixOfBlocks):
         value = np.concatenate((bent.value, push, -gradient.value, push, diagonal, tangent, turn, -gradient.value, tangent, turn,
                                 -np.ones(equations.idle.size) if equations.idle.size else NO_ENTRIES.value,
                                 rubbing.value * free[rubbing.row], by_force.value * free[by_force.row],
-                                beside.value * free[beside.row] * free[beside.column]))
+                                neighbours.value * free[neighbours.row] * free[neighbours.column]))
         np.add.at(data, self._at, value)
         found = with_values(self._matrix, data)
         return found if equations.ways is None else self._by_material(found, equations.ways, free)
@@ -442,14 +442,14 @@ class SaddleMatrix(MatrixOfBlocks):
         """Find the places of entries of constraints in the matrix, in the order of `of`."""
         m, s = self.nodes, self.sliders
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
-        rubbing, by_force, beside = equations.rubbing, equations.by_force, equations.beside
+        rubbing, by_force, neighbours = equations.rubbing, equations.by_force, equations.neighbours
         diagonal = m + np.arange(s)
         of, component = m + np.arange(s).repeat(dim), m + s + np.arange(dim * s)
         idle = m + s + equations.idle
         row = np.concatenate((bent.row, slide.column, gradient.column, m + slide.row, diagonal, of, m + turns.column,
                               m + s + gradient.row, component, m + s + turns.row, idle, m + rubbing.row, m + by_force.row,
-                              m + beside.row))
+                              m + neighbours.row))
         column = np.concatenate((bent.column, m + slide.row, m + s + gradient.row, slide.column, diagonal, component,
                                  m + s + turns.row, gradient.column, of, m + turns.column, idle, rubbing.column,
-                                 m + s + by_force.column, m + beside.column))
+                                 m + s + by_force.column, m + neighbours.column))
         self.place(row, column)

@@ -13,8 +13,8 @@ Each slider is a border of 7 on the matrix of the nodes: F (3), s, and g_mean (3
 nodes that no element joins; in a plane of 5, with a Cayley number for the frame. Friction, drives and stops change the sliding
 equation (contact/slider_forces.py).
 
-Arrays: q, v [12 N], in a plane [4 N]; s, s_out [S]; force_out [3 S], in a plane [2 S]; past [*] as in `nodes.remember`;
-spin_root [N]; basis [5, n] as `Contact.basis`; counts_out [4 or 5].
+Arrays: q, v [12 N], in a plane [4 N]; s, s_out [S]; history [*]; force_out [3 S], in a plane [2 S]; past [*] as in
+`nodes.remember`; spin_root [N]; basis [5, n] as `Contact.basis`; counts_out [4 or 5].
 """
 from __future__ import annotations
 

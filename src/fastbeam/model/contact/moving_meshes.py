@@ -42,8 +42,8 @@ class Moving(Feature):
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((Analysis.BUCKLING,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving elements",
              "follow the path to the critical load with solve_path", lambda moving, asked: moving.names),
-        Lack((Analysis.LOSS_FACTOR,), "moving elements", "moving mesh with slider {name!r}: {who} does not know the stiffness of "
-                                                         "the material of moving elements alone",
+        Lack((Analysis.LOSS_FACTOR,), "moving elements", "moving mesh with slider {name!r}: loss_factor= does not support moving "
+                                                         "elements",
              "give sections of other beams damping=, or compile the scene without MovingMesh",
              lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
