@@ -243,7 +243,8 @@ def random_contact(n_rows: int, sliders: int, rng: np.random.Generator) -> Conta
     return Contact(np.zeros((5, 1)), np.zeros((3, 2)), np.full(sliders, count - 1), row, column.reshape(sliders, -1),
                    line.reshape(sliders, -1), corner.reshape(sliders, -1), residual, np.zeros(sliders, np.int64),
                    np.full(sliders, 3), 7 * np.arange(sliders), 3 * np.arange(sliders), np.zeros(sliders), np.ones(sliders),
-                   np.zeros(sliders), np.zeros(1, np.int64), np.zeros(4), np.zeros((0, 2), np.int64), np.zeros((0, 2, 8)))
+                   np.zeros(sliders), np.zeros(1, np.int64), np.zeros(4), np.zeros((0, 2), np.int64), np.zeros((0, 2, 8)),
+                   np.full(sliders, count))
 
 
 @pytest.mark.parametrize("sliders", [1, 3])

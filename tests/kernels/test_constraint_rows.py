@@ -81,7 +81,7 @@ class Saddle:
         return Contact(np.zeros((5, 1)), np.zeros((3, 2)), entries, row, column.reshape(s, -1), line.reshape(s, -1),
                        corner.reshape(s, -1), residual, np.zeros(s, np.int64), self.forces, np.cumsum(self.m) - self.m,
                        np.cumsum(self.forces) - self.forces, np.zeros(s), softness, np.zeros(s), np.zeros(1, np.int64),
-                       np.array([INVERSE, 0.0, first, 0.0]), np.zeros((0, 2), np.int64), np.zeros((0, 2, 8)))
+                       np.array([INVERSE, 0.0, first, 0.0]), np.zeros((0, 2), np.int64), np.zeros((0, 2, 8)), entries)
 
     def solve(self) -> bool:
         """With the kernels."""

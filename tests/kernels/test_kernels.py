@@ -604,7 +604,7 @@ CURVES = {"lagrange1": ("own", {"degree": 1}), "lagrange3": ("own", {"degree": 3
           "lagrange2 c1": ("c1", {"degree": 2}), "bspline3": ("own", {"interpolation": "bspline", "degree": 3})}
 
 
-NO_SLEEVES = np.zeros((0, 2), np.int64), np.zeros((0, 2, 8))
+NO_SLEEVES = np.zeros((0, 2), np.int64), np.zeros((0, 2, 8)), np.full(1, 2**30)
 
 
 class Rail:

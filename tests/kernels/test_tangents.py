@@ -259,12 +259,11 @@ class Kernels:
         """Residual and tangent at a trial step."""
         m, state, work = self.model, self.state, self.work
         state.q[:], state.v[:] = trial.q_n.reshape(-1), trial.v_n.reshape(-1)
-        m.start_momenta(state.history, state.q, state.v)
+        m.start_momenta(state.history, state.q, state.v, state.s)
         state.s[:], state.force[:], work.s_end[:] = trial.s_n, trial.force.reshape(-1), trial.s_end
         self.load()
         if m.sliders is not None:
-            predict_sliders(m.curves, m.sliders, self.contact, state.q, state.v, state.s, trial.h, np.nan, work.past, work.s_end,
-                            state.force, SPACE)
+            predict_sliders(m.curves, m.sliders, self.contact, state, trial.h, np.nan, work.past, work.s_end, state.force, SPACE)
             work.s_end[:] = trial.s_end
         work.dphi[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta))[:, 0].reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)
