@@ -371,11 +371,44 @@ def test_a_run_goes_on_from_a_checkpoint() -> None:
 
 
 @pytest.mark.parametrize("acting, text", [
-    ({"lock": fb.Lock(until=0.1)}, "has a lock"), ({"release": fb.Release(when=0.2)}, "has a release"),
+    ({"release": fb.Release(when=0.2)}, "has a release"),
     ({"one_sided": (0, 0, 1)}, "has one-sided contact")])
 def test_what_elements_that_move_do_not_know(acting: dict[str, Any], text: str) -> None:
     with pytest.raises(fb.SceneError, match=text):
         on_a_rail(rate=0.0, **acting)
+
+
+def test_a_lock_takes_the_energy_and_gives_it_free() -> None:
+    """It catches the mass at 1 m, and lets a force push it on after 0.5 s."""
+    model = on_a_rail(section=HEAVY, lock=fb.Lock(at=1.0, until=0.5), drive=fb.Drive(force=lambda t: 2.0 if t > 0.4 else 0.0))
+    result = run_of(model, 0.004, t_end=0.8)
+    run = result.slider("run")
+    held = (result.t > 0.335) & (result.t < 0.5)
+    assert np.ptp(run["s"][held]) == 0.0 and run["s"][held][0] == pytest.approx(1.0, abs=1e-9)
+    assert run["lock_loss"][-1] == pytest.approx(0.5 * MASS * RATE**2, rel=2e-4)
+    assert run["s"][-1] == pytest.approx(1.0 + 0.5 * 2.0 / MASS * 0.3**2, abs=2e-4) and result.drift("balance") < 2e-10
+    assert [x["kind"] for x in result.events] == ["locked", "unlocked"]
+
+
+def test_a_bearing_that_rubs_brakes_the_spin() -> None:
+    """A sleeve without key and with `radius=`, which meshes that stand have, too."""
+    def run(moves: bool) -> fb.Result:
+        ends = np.concatenate((np.linspace(0.0, 0.5, 9)[:-1], np.linspace(0.5, 2.0, 9))) if moves else 64
+        beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.01, E=2e10, rho=2000.0),
+                                elements=ends, degree=3)
+        body = fb.RigidBody("body", mass=0.5, inertia=(1e-3, 1e-3, 1e-3), position=(0.5, 0, 0), velocity=(1.2, 0, 0),
+                            spin=(10, 0, 0))
+        sleeve = fb.Sleeve("run", body, beam, at=0.5, keyed=False, length=0.05, friction=0.2, radius=0.02, rate=1.2)
+        mesh = [fb.MovingMesh(beam, sleeve)] if moves else []
+        scene = fb.Scene(beam, body, fb.Clamp(beam.start), fb.Clamp(beam.end), sleeve, *mesh, gravity=(0, 0, -9.81))
+        return fb.simulate(fb.compile_scene(scene), t_end=0.4, step=0.002, progress=False)
+
+    one, other = run(True), run(False)
+    assert one.drift("balance") < 1e-12 and one.slider("run")["twist"][-1] < -1.0
+    for name, allowed in (("s", 2e-3), ("twist", 5e-3), ("friction_loss", 2e-3)):
+        x, y = one.slider("run")[name], other.slider("run")[name]
+        print(f"{name}: {x[-1]:.6g} and {y[-1]:.6g}")
+        assert np.max(np.abs(x - y)) < allowed * np.max(np.abs(y))
 
 
 def test_solvers_agree_on_straight_rails() -> None:
@@ -457,7 +490,7 @@ def test_balance_is_recorded_with_elastic_stops_alone() -> None:
 
 def test_what_elements_that_move_do_not_know_is_said_of_them_first() -> None:
     model = on_a_rail(gravity=(0, 0, -9.81), friction=0.2)
-    for call in (lambda: fb.relax(model), lambda: fb.solve_path(model),
+    for call in (lambda: fb.relax(model),
                  lambda: fb.simulate(model, t_end=0.1, step=0.01, method=fb.Method(rho_inf=0.8)),
                  lambda: fb.simulate(model, t_end=0.1, step=0.01, method="generalized_alpha")):
         with pytest.raises(fb.SceneError, match="moving mesh with slider 'run'.*moving elements"):

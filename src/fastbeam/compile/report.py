@@ -101,7 +101,8 @@ def _loads(scene: Scene, model: Model) -> Iterator[Line]:
 def _sliders(scene: Scene, model: Model) -> Iterator[Line]:
     if model.sliders is None:
         return
-    c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
+    ends = [] if model.moving is None else model.moving.sliders.tolist()
+    c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for k, s in enumerate(scene.sliders) if k not in ends)
     bores = [s.length for s in scene.sleeves if s.length]
     held = f" ({_plural(len(scene.sleeves), 'sleeve')}" * bool(scene.sleeves)
     held += (f", bores from {min(bores):.3g} to {max(bores):.3g} m" if len(set(bores)) > 1 else

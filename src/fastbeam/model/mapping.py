@@ -120,12 +120,13 @@ def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
 
 
 def contact(model: Model, k: int, s: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Return the gap of slider k at s, the tangent of the curve, and the velocity of the point relative to the curve, [3] each;
-    q, v [N, 4, 3]."""
+    """Return the gap of slider k at s, the tangent of the curve, or d1 of a node that moves with the contact, and the velocity of
+    the point relative to the curve, [3] each; q, v [N, 4, 3]."""
     assert model.sliders is not None
     nodes, values, slopes = curve_at(model, k, s)
     point = int(model.sliders.point[k])
-    return q[point, 0] - values @ q[nodes, 0], slopes @ q[nodes, 0], v[point, 0] - values @ v[nodes, 0]
+    tangent = slopes @ q[nodes, 0] if model.sliders.following.at[k, NODE] < 0 else q[nodes[0], 1]
+    return q[point, 0] - values @ q[nodes, 0], tangent, v[point, 0] - values @ v[nodes, 0]
 
 
 def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> State:
@@ -156,8 +157,21 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
     _carry_history(model, names, state, fresh)
     # violations of joints of this model are kept: the check at the start of a run measures them
     fresh.q[:], fresh.v[:] = (np.where(known[:, None, None], x, follow(model, x)).reshape(-1) for x in own)
+    if model.moving is not None:
+        _carry_rates(model, names, state, fresh)
     model.start_momenta(fresh.history, fresh.q, fresh.v, fresh.s)
     return fresh
+
+
+def _carry_rates(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
+    """Copy ds/dt of contacts on moving meshes; of those on meshes that stand, let nodes move with them."""
+    theirs = dict(zip(names.get("sliders", []), names.get("slider_rates", [])))
+    places = [theirs.get(model.names["sliders"][k], -1) for k in model.moving.sliders.tolist()]
+    if min(places) >= 0:
+        model.moving.put_places(fresh.history, state.history[places])
+        return
+    fresh.v[:], rates = model.moving.with_mesh(model, fresh.q, fresh.s, fresh.v)
+    model.moving.put_places(fresh.history, rates)
 
 
 def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:

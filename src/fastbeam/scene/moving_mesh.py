@@ -38,16 +38,11 @@ def has_coulomb(slider: Slider) -> bool:
 def check_acting(who: str, slider: Slider) -> None:
     """Check that a slider has no features that moving elements do not support. Raises SceneError."""
     label = f"{who}: {slider.kind} {slider.name!r}"
-    given = {"a lock": slider.lock, "a release": slider.release, "one-sided contact": slider.one_sided}
+    given = {"a release": slider.release, "one-sided contact": slider.one_sided}
     for what, value in given.items():
         if value is not None:
             raise SceneError(f"{label} has {what}, which moving elements do not support; leave it out, or leave the moving mesh "
                              "out")
-    if isinstance(slider, Sleeve) and has_coulomb(slider):
-        for name in ("radius", "key_radius"):
-            if getattr(slider, name) is not None:
-                raise SceneError(f"{label} has {name}=, friction by moments about the axis, which moving elements do not "
-                                 "support; leave it out, or leave the moving mesh out")
 
 
 def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
@@ -84,9 +79,8 @@ class MovingMesh:
     beam : Beam
         With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
     sliders : Slider or list of Slider
-        All sliders on the beam, with friction, drives and stops; without locks, releases and one-sided
-        contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
-        Coulomb friction it has a length, on whose ends its moments press.
+        All sliders on the beam, with friction, drives, stops and locks; without releases and one-sided contact. A `Sleeve` holds
+        the beam at one point, and has `length=0`; only with Coulomb friction it has a length, on whose ends its moments press.
     velocity, spin : array_like (3,) or callable, optional
         Initial velocity (m/s) and angular velocity (rad/s) of the beam as functions of the arc length, as `InitialVelocity` takes
         them; added to what other parts say.

@@ -23,6 +23,8 @@ from fastbeam.scene.interpolation.basis import Basis, build_basis
 from fastbeam.scene.paths import legs_of
 
 Array = np.ndarray
+# what has no error of the mesh at contacts
+MOVING = "moving elements (with_moving_meshes), where these support the scene"
 # elements on each side of the one with the contact, Lagrange and splines; places in that one; degree of the fit to these
 AROUND, AROUND_SPLINE, PLACES, DEGREE = 3, 8, 17, 14
 # bending lengths in the piece at least, so that no digits are lost where there is no tension
@@ -190,7 +192,7 @@ def rest_events(model: Any, state: Any, tension: Array, free: Array,
                     f"stiffness along the beam, with frequencies, critical loads and derivatives, by {100.0 * share:.2g} %")
             out.append((max(off / (PLACE * model.length), share / STIFFNESS), text + _cure(contact, lambda x: max(
                 x.force / ripple.force * off / (PLACE * model.length), x.most * true[j, j] / STIFFNESS) < 1.0,
-                "solve_static(contacts='exact') finds the exact position")))
+                f"{MOVING}, or contacts='exact'")))
     return _told(out, 1.0)
 
 
@@ -211,8 +213,7 @@ def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: 
             text = (f"slider {contact.name!r}: on {contact.mesh} its stiffness along the beam depends on its place within an "
                     f"element, which changes w^2 of mode {k} by about {size}")
             out.append((float(abs(share[k])), text + _cure(
-                contact, lambda x: x.most * own[k] < STIFFNESS * abs(true), "a run with moving elements (with_moving_meshes), "
-                                                                            "where these support the scene, avoids this error")))
+                contact, lambda x: x.most * own[k] < STIFFNESS * abs(true), MOVING)))
     return _told(out, 0.0)
 
 
@@ -376,7 +377,7 @@ class Contacts:
                         f"but its kinetic energy along the beam is at most {moving:.2g} J. The place where it stops, and its "
                         "vibration there, depend on the mesh")
                 enough = max(ENERGY * moving, 1e-300)
-                other = "moving elements (with_moving_meshes), where these support the scene"
+                other = MOVING
                 found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, other)))
         return [*({"kind": "unresolved", "time": t, "text": text, "blow": size} for size, t, text in blows),
                 *self._in_order(found)]

@@ -360,6 +360,8 @@ class Observer:
                       "turns": [model.place_for(PrescribedMotions), model.place_for(Motions)]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
+        if model.moving is not None:
+            names["slider_rates"] = model.moving.following.at[:, 2].tolist()
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
                             velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
 
