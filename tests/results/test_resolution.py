@@ -182,7 +182,7 @@ def test_moving_elements_along_which_the_beam_turns_too_much_are_named() -> None
     assert of_moving(mesh_events(model, model.state())) == []
     # where the contact comes to: 24 elements of 0.14 m behind it
     state = model.state()
-    state.q[12 * model.moving.places[0]] = 3.5
+    state.s[0] = 3.5
     assert len(of_moving(mesh_events(model, state))) == 1
 
 

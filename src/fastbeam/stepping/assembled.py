@@ -67,7 +67,6 @@ class Equations(NamedTuple):
 
     gap: Array         # float64 [S, d]: of sliders, m
     tangent: Array     # float64 [S, d]: c'(s), 0 of contacts on moving meshes
-    along: Array       # float64 [S, d]: c'(s), of these the axis of the section
     sliding: Array     # float64 [S], N: F . c'
     bend: Array        # float64 [S], N/m: derivative of that by s
     gaps: Array        # float64 [F]: of all constraints, m and rad
@@ -76,13 +75,14 @@ class Equations(NamedTuple):
     turns: Entries     # [F, S]: minus the derivative of conditions of sleeves by s, rad/m
     idle: Array        # int64 [I]: multipliers that stay as they are
     loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
-    neighbours: Entries = NO_ENTRIES    # [S, S]: of the sliding equations by the places of other sliders, N/m
-    ways: Any = None                # sparse [m, S]: motion of nodes of moving meshes with the places; None without any
     bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
     normal: Any = None              # float64 [S], N: F_n |c'|, normal force with the moments of sleeves
     size: Any = None                # float64 [S], N: of the contact forces
     rubbing: Entries = NO_ENTRIES   # [S, m]: of friction in the sliding equations, by the unknowns of the nodes
     by_force: Entries = NO_ENTRIES  # [S, F]: the same by the multipliers
+    along: Any = None               # float64 [S, d]: `tangent`, and c'(s) of contacts on moving meshes
+    neighbours: Entries = NO_ENTRIES    # [S, S]: of the sliding equations by the places of other sliders, N/m
+    ways: Any = None                # sparse [m, S]: motion of nodes of moving meshes with the places; None without any
 
 
 class MatrixOfBlocks:
@@ -205,6 +205,8 @@ class Constraints:
         self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
         sleeves, self._neighbours = contact.pair[:len(core.sleeve_pairs)], np.arange(len(core.sleeve_pairs), len(contact.pair))
+        one, other = contact.pair[self._neighbours].T
+        self._of_neighbours = np.concatenate((one, other)), np.concatenate((other, one))
         forces = contact.forces[sleeves[:, 1]]
         o, p = (np.arange(8) < forces[:, None]).nonzero()
         self._turns = (contact.first_force[sleeves[o, 1]] + p, sleeves[o, 0]), (o, p)
@@ -306,8 +308,8 @@ class Constraints:
         if core.moving is not None:
             along = tangent.copy()
             along[core.moving.sliders] = self.stepper.own["moving"].tangent[:, :3]
-        found = Equations(residual[:s, :d].copy(), tangent, along, residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
-                          gaps, gradient, slide, turns, idle, -work.r)
+        found = Equations(residual[:s, :d].copy(), tangent, residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
+                          gaps, gradient, slide, turns, idle, -work.r, along=along)
         return found if core.moving is None else self._by_material(found)
 
     @property
@@ -332,10 +334,8 @@ class Constraints:
 
     def _between_places(self) -> Entries:
         """Return the derivatives of sliding equations by the places of neighbours on moving meshes."""
-        contact = self._contact
-        one, other = contact.pair[self._neighbours].T
-        value = 2.0 * contact.cross[self._neighbours, :, self.stepper.core.dim].T
-        return Entries(np.concatenate((one, other)), np.concatenate((other, one)), value.reshape(-1))
+        value = 2.0 * self._contact.cross[self._neighbours, :, self.stepper.core.dim].T
+        return Entries(*self._of_neighbours, value.reshape(-1))
 
     def gaps_at(self, q: Array) -> Array:
         """Evaluate the gaps of all constraints at coordinates q [12 N] in space, [F]."""
@@ -350,8 +350,8 @@ class Constraints:
     def _none(self) -> Equations:
         """Return the equations of a scene without constraints."""
         none = np.zeros((0, self.stepper.core.dim))
-        return Equations(none, none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
-                         np.zeros_like(self.stepper.work.r))
+        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
+                         np.zeros_like(self.stepper.work.r), along=none)
 
     def _look(self) -> None:
         """Find which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
@@ -411,9 +411,9 @@ class SaddleMatrix(MatrixOfBlocks):
         """
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force, neighbours = equations.rubbing, equations.by_force, equations.neighbours
-        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row, len(neighbours.row)
+        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row, neighbours.row
         idle = equations.idle.tobytes()
-        if idle != self._idle or not all(map(is_, places[:6], self._last)) or places[6] != self._last[6]:
+        if idle != self._idle or not all(map(is_, places, self._last)):
             self._find_places(equations, equations.tangent.shape[1])
             self._last, self._idle = places, idle
         data = self._of_blocks(blocks, 2.0)
