@@ -171,9 +171,8 @@ def of_momenta(model: Model, state: State) -> State:
     jumps begin here and end with `with_momenta`."""
     motions = Motions(model, state)
     free, lift = motions.free, motions.lift
-    momentum = mass_map(model) @ state.v
+    momentum = motions.masses @ rates_in(model, state)
     if model.moving is not None:
-        momentum = np.concatenate((momentum, np.zeros(model.moving.sliders.size)))
         momentum += model.moving.momentum(state.history, state.q, state.s)
     found = unknowns_in(model, state)
     missing = momentum - motions.inertia @ (motions.to_rates @ found)

@@ -43,7 +43,7 @@ class Gaps(NamedTuple):
 
     def along(self, k: int, v: Array) -> float:
         """Evaluate ds/dt of slider k at rates v [12 N + P] of all coordinates and places, m/s."""
-        if self.met.shape[0] and self.place[k] >= 0:
+        if self.place[k] >= 0:
             return float(v[self.place[k]])
         tangent = self.tangents[k]
         return float((self.rates[3 * k:3 * k + 3] @ v) @ tangent / (tangent @ tangent))

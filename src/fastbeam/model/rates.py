@@ -33,19 +33,20 @@ class Motions:
     free: int64 [m], numbers of the free ones among these.
     turns: bool [m], true for spins.
     lift: sparse [12 N + P, m], `to_rates` of the free ones.
-    inertia: sparse [12 N + P, 12 N + P], masses.
+    masses, inertia: sparse [12 N + P, 12 N + P], masses without those of moving meshes, and all.
     """
 
     def __init__(self, model: Model, state: State) -> None:
         self.to_rates, self.free = rates_map(model, state.q.reshape(-1, 4, 3)), free_unknowns(model, state)
-        self.turns, self.inertia = self.free % 6 >= 3, mass_map(model)
+        self.turns, self.masses = self.free % 6 >= 3, mass_map(model)
+        self.inertia = self.masses
         if model.moving is not None:
             places = model.moving.sliders.size
             self.free = np.concatenate((self.free, self.to_rates.shape[1] + np.arange(places)))
             self.turns = np.concatenate((self.turns, np.zeros(places, bool)))
             self.to_rates = sparse.block_diag((self.to_rates, sparse.eye(places)), format="csc")
-            self.inertia = sparse.block_diag((self.inertia, sparse.csr_matrix((places, places))), format="csr")
-            self.inertia = self.inertia + model.moving.inertia(state.q, state.s)
+            self.masses = sparse.block_diag((self.masses, sparse.csr_matrix((places, places))), format="csr")
+            self.inertia = self.masses + model.moving.inertia(state.q, state.s)
         self.lift = self.to_rates[:, self.free]
 
     @property

@@ -484,8 +484,9 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     # nodes of moving meshes have the velocities of the points there
     stands = ~np.isin(np.arange(model.n_sliders), [] if model.moving is None else model.moving.sliders)
     by_rates, at_first, goals = gaps.rates[:, :size], at_start.rates[:, :size], []
+    first = rates_in(model, model.state())
     for k, tangent in enumerate(gaps.tangents):
-        goals.append(at_start.along(k, rates_in(model, model.state())) * stands[k] * tangent)
+        goals.append(at_start.along(k, first) * stands[k] * tangent)
         # the part with the sliding point moves along, its beam does not
         part = model.numbers.part == model.numbers.part[int(model.sliders.point[k])]  # type: ignore[union-attr]
         if np.all(model.numbers.rank[part] != 3):

@@ -38,7 +38,7 @@ class Shape(NamedTuple):
     @property
     def is_angle(self) -> bool:
         """True if it is a coordinate of directions, not of points."""
-        return self.what not in ("distance", "place")
+        return self.what != "distance"
 
 
 def distance_along(i: int) -> Shape:
@@ -106,8 +106,7 @@ class Freedom:
         """Names of the arguments for its value and its motor, and the unit of the value."""
         if self.shape.is_angle:
             return "angle", "torque", "rad"
-        # the contact of a moving mesh has `Drive(position=)`
-        return "position" if self.shape.what == "place" else "distance", "force", "m"
+        return "distance", "force", "m"
 
     @property
     def has_friction(self) -> bool:

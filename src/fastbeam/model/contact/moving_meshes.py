@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.contact.moving_beam import MovingGravity, energy_of_moving, height_of, momentum_sums, motion_of
-from fastbeam.kernels.contact.slider import Following
+from fastbeam.kernels.contact.slider import RATE, Following
 from fastbeam.kernels.energies import STRAIN
 from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
@@ -163,10 +163,13 @@ class Moving(Feature):
     def tangents(self, q: Array, s: Array) -> Array:
         """Return the tangents of beams at the contacts [F, 3], means of both sides, at coordinates [12 N] and places of
         sliders."""
-        return np.asarray(self._along(self.ways(q, s)))
+        return self._along(self.ways(q, s))
 
     def _along(self, ways: Any) -> Array:
-        return np.asarray(ways.toarray().reshape(-1, 6, self.sliders.size)[self.contacts, :3, np.arange(self.sliders.size)])
+        """Return the motion of the nodes at the contacts with their own places, [F, 3]."""
+        rows = 6 * self.contacts[:, None] + np.arange(3)
+        columns = np.broadcast_to(np.arange(self.sliders.size)[:, None], rows.shape)
+        return np.asarray(ways[rows, columns].toarray())
 
     def with_mesh(self, model: Any, q: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """Return the rates of all nodes [12 N] whose material has the rates v [12 N], and ds/dt of the contacts [F], at
@@ -206,11 +209,11 @@ class Moving(Feature):
     # --- rates and momenta --------------------------------------------------------------------------------------------
     def places_in(self, history: Array) -> Array:
         """Return ds/dt of the contacts in a history [F]."""
-        return np.asarray(history[self.following.at[self.sliders, 2]])
+        return np.asarray(history[self.following.at[self.sliders, RATE]])
 
     def put_places(self, history: Array, rates: Array) -> None:
         """Put ds/dt of the contacts [F] into a history."""
-        history[self.following.at[self.sliders, 2]] = rates
+        history[self.following.at[self.sliders, RATE]] = rates
 
     def start_history(self, own: Array, q: Array, v: Array) -> None:
         """Put ds/dt of the contacts at the start into the history variables."""
@@ -243,7 +246,7 @@ class Moving(Feature):
 
     def _own_places(self) -> Array:
         """Return the offsets of ds/dt among the variables of all beams, int64 [F]."""
-        return np.asarray(self.following.at[self.sliders, 2] - int(self.tables[0].place[0]))
+        return np.asarray(self.following.at[self.sliders, RATE] - int(self.tables[0].place[0]))
 
     def inertia(self, q: Array, s: Array) -> Any:
         """Assemble the mass matrix of all moving beams at coordinates [12 N] and places of sliders, for rates of coordinates and

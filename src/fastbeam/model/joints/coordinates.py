@@ -9,7 +9,7 @@ from fastbeam.kernels.joints.coordinates import ANGLE, LINE, NO_SWING, SWING
 from fastbeam.model.plane import TOLERANCE, NotPlanar
 
 Array = np.ndarray
-KINDS = {"distance": LINE, "place": LINE, "cosine": LINE, "angle": ANGLE, "twist": ANGLE, "swing": SWING}
+KINDS = {"distance": LINE, "cosine": LINE, "angle": ANGLE, "twist": ANGLE, "swing": SWING}
 
 
 def kind_of(shape: Any) -> int:
@@ -44,7 +44,7 @@ class Coordinate:
             else:
                 b[5:] = frame.turn[1, j]
             self._pairs[of_z].append((a, b))
-        self.at_start = float(self._sums(frame.reference)[0]) if self.kind == LINE and shape.what != "place" else 0.0
+        self.at_start = float(self._sums(frame.reference)[0]) if self.kind == LINE else 0.0
 
     def forces(self, dim: int) -> int:
         """Return 1, the number of multipliers."""

@@ -157,9 +157,8 @@ class Holds:
         return np.array([[-1.0 if x is None else x for x in both] for both in found]).reshape(-1, 2)
 
     def named(self, i: int) -> tuple[str, str]:
-        """Return 'slider' or 'joint', and the name of the part to which coordinate `rubs[i]` belongs."""
-        part = self.parts[self.rubs[i]]
-        return ("slider", part.joint.slider.name) if part.shape.what == "place" else ("joint", part.name)
+        """Return 'joint', and the name of that to which coordinate `rubs[i]` belongs."""
+        return "joint", self.parts[self.rubs[i]].name
 
     def loose(self, history: Array) -> Array:
         """Return a mask, bool [R], of the coordinates `rubs` that are free in small motions about a state at rest: no friction,

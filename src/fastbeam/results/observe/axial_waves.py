@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,8 +21,7 @@ def braking_time(model: Model, state: State, k: int) -> float:
     is_free = model.fixed_in(state) & 7 != 7
     if model.moving is not None and k in model.moving.sliders:
         table, point = model.moving.table_of(k), int(model.sliders.point[k])
-        # the point may be tied to the beam, instead of the beam to it: the body is that which the point belongs to
-        mass = _mass(model, point, is_free, [point, *(body for body, arm in model.numbers.arm_owner if arm == point)])
+        mass = _mass(model, point, is_free)
         return mass / math.sqrt(table.stiffness[0, 0] * table.rho[0]) if mass > 0.0 and table.rho[0] > 0.0 else math.inf
     if model.sliders is None:
         return math.inf
@@ -34,13 +32,12 @@ def braking_time(model: Model, state: State, k: int) -> float:
     return mass / resistance if resistance > 0.0 else math.inf
 
 
-def _mass(model: Model, node: int, is_free: Array, bodies: Sequence[int] = ()) -> float:
-    """Return the mass of the bodies that carry a node, and of those at other nodes, kg; 0 without bodies, or where a support
-    holds one."""
+def _mass(model: Model, node: int, is_free: Array) -> float:
+    """Return the mass of the bodies that carry a node, kg; 0 without bodies, or where a support holds one."""
     carriers = np.unique(tie_map(model)[12 * node].indices // 12)
     if model.bodies is None or not is_free[carriers].all():
         return 0.0
-    of = np.isin(model.bodies.node, [*carriers, *bodies])
+    of = np.isin(model.bodies.node, carriers)
     return float(np.sum(model.bodies.inertia.reshape(-1, 16)[of, 0]))
 
 

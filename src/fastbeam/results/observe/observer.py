@@ -9,6 +9,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import Listing, Names, Word
 from fastbeam.kernels import energies as kernels
+from fastbeam.kernels.contact.slider import RATE
 from fastbeam.kernels.contact.slider_forces import HELD, OFF
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.measures import slider_motion, slider_points
@@ -361,7 +362,7 @@ class Observer:
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         if model.moving is not None:
-            names["slider_rates"] = model.moving.following.at[:, 2].tolist()
+            names["slider_rates"] = model.moving.following.at[:, RATE].tolist()
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
                             velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
 

@@ -275,7 +275,7 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     if phi.shape[1] != model.n_nodes:
         raise SceneError(f"section_forces: the shapes have {phi.shape[1]} nodes, but the model of scene {model.scene_name!r} has "
                          f"{model.n_nodes}; give the model of that run, and keep shapes with output=Output(snapshots=...)")
-    if model.moving is not None and model.moving.has(span_of("section_forces", model, beam).start):
+    if len(t) and model.moving is not None and model.moving.has(span_of("section_forces", model, beam).start):
         return _on_moving_mesh(model, shapes, beam, s, t, phi, directors)
     sections = Sections(model, beam, s)
     phi, directors, rates = phi[:, sections.span], directors[:, sections.span], None
