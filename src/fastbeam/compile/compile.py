@@ -42,7 +42,6 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import Connections
 from fastbeam.model.contact.sleeves import SleeveContact, sleeves_of, twist_friction_of, with_twist
 from fastbeam.model.contact.slider_forces import slider_forces_of
-from fastbeam.model.contact.moving_meshes import IN_SPACE
 from fastbeam.model.contact.sliders import SlidingContact
 from fastbeam.model.controllers import Controllers
 from fastbeam.model.forces.added_mass import Added
@@ -108,13 +107,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_given, rewritten = scene, rewrite(scene)
     meshes = [] if rewritten is None else rewritten.meshes
     if rewritten is not None:
-        if planar is True:
-            raise _out_of_plane(scene, IN_SPACE)
-        scene, planar, condense = rewritten.scene, False, False
+        scene, condense = rewritten.scene, False
     scene.check()
     numbered = number(scene, meshes)
     unpacked = unpack(scene, numbered, pack_at_rest, meshes)
-    found, not_planar = find_plane(unpacked) if planar else (None, IN_SPACE if meshes else "planar=False")
+    found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)

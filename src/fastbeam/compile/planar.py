@@ -25,7 +25,7 @@ from fastbeam.model.contact.sleeves import sleeves_in_plane
 from fastbeam.model.forces.bushings import check_plane
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.joints.tables import conditions_in_plane, constraints_in_plane, left_in_plane
-from fastbeam.model.plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
+from fastbeam.model.plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, strain_maps, to_plane
 from fastbeam.model.tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from fastbeam.scene import Bushing
 
@@ -49,7 +49,7 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
     """Find the plane in which a scene stays; or None and the reason."""
     try:
         plane = _plane_of(unpacked)
-        elements = unpacked.elements
+        elements = [*unpacked.elements, *unpacked.moving]
         kinds = [(part.strain, *part.shape) for part in elements]
         for kind in sorted(set(kinds), key=lambda x: (x[0] != "simo_reissner", *x[1:])):
             for part, own in zip(elements, kinds):
@@ -224,17 +224,6 @@ def _axes(normal: Array) -> Array:
     first = first - (first @ normal) * normal
     first /= np.linalg.norm(first)
     return np.stack((first, np.cross(normal, first), normal))
-
-
-def strain_maps(c: Array, s: Array) -> tuple[Array, Array]:
-    """Return the maps from strains (stretch, shear, curvature) in the plane, and from strains beyond it, to the strains of space,
-    for d2 = c J d1 + s n with the normal n: [..., 6, 3] each."""
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
-                       [zero, zero, c]])
-    beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
-                       [zero, zero, -s]])
-    return np.moveaxis(within, (0, 1), (-2, -1)), np.moveaxis(beyond, (0, 1), (-2, -1))
 
 
 def _angles(elements: Elements, some: Array, plane: Plane) -> tuple[Array, Array]:

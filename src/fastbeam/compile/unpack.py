@@ -70,6 +70,7 @@ class Unpacked:
     dragged: Dragged | None  # nodes with drag
     nonlinear: NonlinearSections | None  # sections with laws
     added: Added | None  # nodes with added mass
+    moving: list[Elements]  # elements that move with contacts, as they are at t = 0
 
     @property
     def nodes(self) -> NodeList:
@@ -87,8 +88,9 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     meshes: those that move with contacts, whose elements are left out, but for the initial state. Raises SceneError: initial
     velocities that a connection, a support or a slider does not allow."""
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
-    elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
-                if all(part is not mesh.beam for mesh in meshes)]
+    moved = {id(mesh.beam) for mesh in meshes}
+    elements, moving = ([elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
+                         if (id(part) in moved) == of_moving] for of_moving in (False, True))
     loads = _loads(scene, nodes, elements, joints.row_root)
     standing = unpack(scene, number(scene), pack) if meshes else None
     state = state_without_velocities(scene, nodes, kept) if standing is None else standing.state
@@ -97,7 +99,7 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     found = Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, (),
                      prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
-                     nonlinear_of(scene), added_of(scene, nodes, elements))
+                     nonlinear_of(scene), added_of(scene, nodes, elements), moving)
     if standing is not None:
         return replace(found, notes=standing.notes)
     v, notes = initial_rates(scene, nodes, numbered.joints_at_start, elements, kept, lambda: pack(scene, found))

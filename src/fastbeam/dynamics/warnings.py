@@ -141,7 +141,7 @@ class Watch:
         if not last and self.model.n_sliders:
             self._resolution.contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)
         if self.model.moving is not None and not last:
-            self._resolution.look_at_moving(t, self.stepper.core_state.q, self.stepper.core_state.s)
+            self._resolution.look_at_moving(t, self.stepper.state.q, self.stepper.core_state.s)
         if last or t >= self._next_look and steps >= self._steps_to_look:
             self._resolution.look(t, self.stepper.state if states is None else states()[0], moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks

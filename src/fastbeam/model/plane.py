@@ -133,3 +133,14 @@ def check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
         raise NotPlanar("a node moves out of the plane")
     if np.any(np.abs(q[:, 1:] @ n - plane.normal) > TOLERANCE):
         raise NotPlanar("a triad is turned out of the plane")
+
+
+def strain_maps(c: Array, s: Array) -> tuple[Array, Array]:
+    """Return the maps from strains (stretch, shear, curvature) in the plane, and from strains beyond it, to the strains of space,
+    for d2 = c J d1 + s n with the normal n: [..., 6, 3] each."""
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
+                       [zero, zero, c]])
+    beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
+                       [zero, zero, -s]])
+    return np.moveaxis(within, (0, 1), (-2, -1)), np.moveaxis(beyond, (0, 1), (-2, -1))

@@ -286,4 +286,4 @@ def law_work() -> Array:
 
 def scratch_of_moving(nodes: int, points: int, mass_points: int) -> Array:
     """Allocate the work array of a group of elements that move."""
-    return aligned(moved.py_func(layout_of(SPACE, nodes, points), mass_points).doubles)
+    return aligned(moved.py_func(layout_of(SPACE, nodes, points), mass_points, SPACE).doubles)

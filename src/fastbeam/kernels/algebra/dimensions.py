@@ -283,6 +283,13 @@ def _zero_lanes():
 
 
 @intrinsic
+def zero_lanes(tc, dofs):
+    """Return the vector 0 in lanes."""
+    d = _dim(dofs)
+    return {2: V2, 3: V3}[d][native](dofs), lambda ctx, b, sig, args: _pack(b, native, [_zero_lanes()] * d)
+
+
+@intrinsic
 def zero_moment(tc, dofs):
     """Return the moment 0 in lanes."""
     return (V3[native] if _dim(dofs) == 3 else native)(dofs), lambda ctx, b, sig, args: (

@@ -7,7 +7,7 @@ with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, i
 
 The history keeps the momenta per reference length, m = h a - xr g at every point: T = 1/2 int rho m.m/h.
 
-Arrays: q, p_out [12 N]; s [*], places of all sliders; shape [2, points, n]; history [*]; out [9].
+Arrays: q, p_out [12 N], of the weight in a plane q [4 N]; s [*], places of all sliders; shape [2, points, n]; history [*]; out [9].
 """
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.kernels.algebra.dimensions import position, vector
 from fastbeam.kernels.algebra.vectors import add3, cross, dot, ld3, zero3
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.contact.slider import Following
@@ -23,7 +24,8 @@ from fastbeam.kernels.terms import put_loads
 
 
 class MovingBeam(NamedTuple):
-    """One beam with E elements of n nodes and S contacts."""
+    """One beam with E elements of n nodes and S contacts. In a plane there are 3 strains, and inertia of the position and one
+    director."""
 
     strains: Any         # strain_measures.SimoReissner
     tables: ElementTables  # of groups of 8 elements; `tab` changes in every evaluation
@@ -46,11 +48,12 @@ class MovingBeam(NamedTuple):
     weight: np.ndarray   # float64 [points]
     stiffness: np.ndarray  # float64 [6, 6]
     reference: np.ndarray  # float64 [6]: strains of the reference curve
-    rest: np.ndarray     # float64 [K, points, 6]: length times strains of an element with nodes on it, by powers of its length
+    rest: np.ndarray     # float64 [K, points, 6 or 3]: length times strains of an element with nodes on it, by powers of its length
     rest_until: np.ndarray  # float64 [1]: length up to which that holds
-    rest_slope: np.ndarray  # float64 [points, 6]: its derivative there, which it has beyond
-    rho: np.ndarray      # float64 [4]: inertia of position and directors
-    weighs: np.ndarray   # float64 [3]: rhoA times gravity
+    rest_slope: np.ndarray  # float64 [points, 6 or 3]: its derivative there, which it has beyond
+    rho: np.ndarray      # float64 [4 or 2]: inertia of position and directors
+    weighs: np.ndarray   # float64 [3 or 2]: rhoA times gravity
+    within: np.ndarray   # float64 [2, 12, 4], in a plane: momenta of its coordinates by those in the history, and these by them
     scratch: np.ndarray  # float64 [*]: `moving_elements.Moved` of a group
 
 
@@ -104,13 +107,16 @@ def sum_of(beam, e, shape, kind, g, q, field):
 
 
 @kernel
-def height_of(beam, q, s):
+def height_of(beam, q, s, dofs):
     """Return the work of the full weight on its way from the origin: sum of h m phi . rhoA g."""
     out = 0.0
+    force = vector(beam.weighs, 0, 1, dofs)
     for e in range(beam.node.shape[0]):
         h = size_of(beam, e, s)
         for g in range(beam.mass_point.shape[1]):
-            out += h * beam.mass_point[1, g] * dot(ld3(beam.weighs, 0, 1), sum_of(beam, e, beam.mass_shape, 0, g, q, 0))
+            for a in range(beam.node.shape[1]):
+                share = h * beam.mass_point[1, g] * beam.mass_shape[0, g, a]
+                out += share * dot(force, position(q, beam.node[e, a], dofs))
     return out
 
 

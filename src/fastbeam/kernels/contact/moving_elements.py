@@ -2,7 +2,8 @@
 
 The element loop evaluates the forces at the mean length of an element over the step, from tables that `stretch_tables` writes
 before every evaluation. Here are the others: inertia, weight, forces along the beam on both ends of an element, and derivatives
-of all forces by the places of the ends. Offsets count doubles; one number of each of the 8 elements of a group takes 8 of them.
+of all forces by the places of the ends, in space and in a plane. Offsets count doubles; one number of each of the 8 elements of a
+group takes 8 of them.
 
 Arrays: tab, constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places, those of
 `Moved` are behind.
@@ -11,13 +12,25 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fastbeam.kernels.algebra.native import vadd3, vld, vld3, vst, vst3, vzero, vzero3
-from fastbeam.kernels.algebra.vectors import cross, dot, smaller
+from fastbeam.kernels.algebra.dimensions import Plane, Space, add_lanes, moment, put_lanes, vector_lanes, zero_lanes, zero_moment
+from fastbeam.kernels.algebra.native import vld, vld3, vst, vst3, vzero
+from fastbeam.kernels.algebra.vectors import dot, smaller, triple
 from fastbeam.kernels.beams.motions import add_inertia, put_forms
-from fastbeam.kernels.beams.section_laws import stress_of
-from fastbeam.kernels.beams.strain_measures import add_forces, mean_of_forms, present_strains
+from fastbeam.kernels.beams.planar import Shape, planar_shapes
+from fastbeam.kernels.beams.section_laws import apply_law, matrix_at, stress_of
+from fastbeam.kernels.beams.strain_measures import (
+    add_forces,
+    mean_of_forms,
+    planar_director_forces,
+    planar_form_stresses,
+    planar_point_data,
+    planar_position_force,
+    planar_strains,
+    present_strains,
+)
 from fastbeam.kernels.beams.strains import interpolate, stresses
 from fastbeam.kernels.jit.decorators import inlined, kernel
+from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STRAINS, TEMPORARY
 from fastbeam.kernels.terms import Conserving
 
@@ -38,28 +51,38 @@ MOVING_STEP = MovingStep()
 
 
 class Moved(NamedTuple):
-    """Offsets of the numbers of a group that only moving elements have; n nodes and P points of the mass an element."""
+    """Offsets of the numbers of a group that only moving elements have; n nodes with C coordinates and U unknowns, and P points of
+    the mass an element."""
 
     first: int     # where they begin
-    inertia: int   # forces of inertia and weight on the coordinates, n x 12
-    momenta: int   # at the start of the step: P points, 4 vectors
-    column: int    # derivatives of forces on coordinates by the places behind and ahead, 2 x n x 12
-    line: int      # derivatives of forces on these places by coordinates at the end of the step, 2 x n x 12
-    rows: int      # both, for unknowns: 4 x n x 6
+    inertia: int   # forces of inertia and weight on the coordinates, n x C
+    momenta: int   # at the start of the step: P points, C numbers
+    column: int    # derivatives of forces on coordinates by the places behind and ahead, 2 x n x C
+    line: int      # derivatives of forces on these places by coordinates at the end of the step, 2 x n x C
+    rows: int      # both, for unknowns: 4 x n x U
     rest: int      # strains of the reference that the element loop subtracts, of every point, then those of `put_rest`
     doubles: int
+    vector: int    # distances of vectors, of nodes with all their coordinates, and with all their unknowns
+    node: int
+    unknowns: int
+    fields: int    # vectors of a node: its position, then directors
 
 
 @inlined
-def moved(at, points):
+def moved(at, points, dofs):
     """Return the offsets of a group behind those of its layout; points: number of points of the mass."""
+    n = len(dofs)
+    vector = 24 if n == 6 else 16
+    node = 96 if n == 6 else 32
+    strains = 48 if n == 6 else 24
     inertia = at.doubles + INERTIA
-    column = inertia + 96 * at.nn
-    line = column + 192 * at.nn
-    rows = line + 192 * at.nn
-    momenta = rows + 192 * at.nn
-    rest = momenta + 96 * points
-    return Moved(at.doubles, inertia, momenta, column, line, rows, rest, rest + 48 * at.nq + RESTS)
+    column = inertia + node * at.nn
+    line = column + 2 * node * at.nn
+    rows = line + 2 * node * at.nn
+    momenta = rows + 32 * n * at.nn
+    rest = momenta + node * points
+    return Moved(at.doubles, inertia, momenta, column, line, rows, rest, rest + strains * at.nq + RESTS, vector, node, 8 * n,
+                 node // vector)
 
 
 @inlined
@@ -114,14 +137,14 @@ class OfPoint(NamedTuple):
 
 
 @inlined
-def mean_momentum(beam, scratch, at, x, g, k):
+def mean_momentum(beam, scratch, at, x, g, k, dofs):
     """Return the mean momentum of vector k of the nodes at point g of the mass, theory.md (5.21)."""
-    rate = vzero3(); g0 = vzero3(); g1 = vzero3()
+    rate = zero_lanes(dofs); g0 = zero_lanes(dofs); g1 = zero_lanes(dofs)
     for a in range(at.nn):
-        middle = vld3(scratch, at.node * a + 24 * k, 8)
-        end = vld3(scratch, at.node * a + 96 + 24 * k, 8)
+        middle = vector_lanes(scratch, at.node * a + x.vector * k, dofs)
+        end = vector_lanes(scratch, at.node * a + x.node + x.vector * k, dofs)
         d = beam.mass_shape[1, g, a]
-        rate += beam.mass_shape[0, g, a] * vld3(scratch, at.rates + 96 * a + 24 * k, 8)
+        rate += beam.mass_shape[0, g, a] * vector_lanes(scratch, at.rates + x.node * a + x.vector * k, dofs)
         g0 += d * (2.0 * middle - end)
         g1 += d * end
     way = way_of(scratch, x, beam.mass_point[0, g])
@@ -129,21 +152,21 @@ def mean_momentum(beam, scratch, at, x, g, k):
 
 
 @kernel
-def put_momenta(beam, scratch, at, x):
+def put_momenta(beam, scratch, at, x, dofs):
     """Replace the momenta of WIDTH elements at the start of the step by those at its end."""
     for g in range(beam.mass_point.shape[1]):
-        for k in range(4):
+        for k in range(x.fields):
             if beam.rho[k] != 0.0:
-                o = x.momenta + 96 * g + 24 * k
-                mean = mean_momentum(beam, scratch, at, x, g, k).mean
-                vst3(scratch, o, 8, 2.0 * mean - vld3(scratch, o, 8))
+                o = x.momenta + x.node * g + x.vector * k
+                mean = mean_momentum(beam, scratch, at, x, g, k, dofs).mean
+                put_lanes(scratch, o, 2.0 * mean - vector_lanes(scratch, o, dofs))
 
 
 @inlined
-def put_inertia(beam, scratch, at, x, g, k, h):
+def put_inertia(beam, scratch, at, x, g, k, h, dofs):
     """Add the changes of the momenta of vector k at point g of the mass less the derivatives of the kinetic energy: forces on
     nodes and on both ends of the element, and derivatives of these by the ends."""
-    of = mean_momentum(beam, scratch, at, x, g, k)
+    of = mean_momentum(beam, scratch, at, x, g, k, dofs)
     h0 = vld(scratch, x.first + LENGTHS, 0); h1 = vld(scratch, x.first + LENGTHS + 8, 0)
     point = beam.mass_point[0, g]
     way = way_of(scratch, x, point)
@@ -153,7 +176,7 @@ def put_inertia(beam, scratch, at, x, g, k, h):
     inverse_h = -0.5 / (h1 * h1)
     over = 1.0 / (h0 * h1)
     gm = 0.5 * (of.before + of.after)
-    m0 = vld3(scratch, x.momenta + 96 * g + 24 * k, 8)
+    m0 = vector_lanes(scratch, x.momenta + x.node * g + x.vector * k, dofs)
     m1 = 2.0 * of.mean - m0
     # derivatives of the mean momentum by the length at the end
     mean_h = (-1.0 * inverse_h / (inverse * inverse)) * of.rate
@@ -168,8 +191,8 @@ def put_inertia(beam, scratch, at, x, g, k, h):
     size_h = (-c) * over * (dot(mean_h, m1) + way * bend) - size / h1
     for i in range(at.nn):
         na = beam.mass_shape[0, g, i]; da = beam.mass_shape[1, g, i]
-        o = 96 * i + 24 * k
-        vadd3(scratch, x.inertia + o, 8, (c * na * r) * (of.mean - m0) + (c * da * (way * inverse)) * of.mean)
+        o = x.node * i + x.vector * k
+        add_lanes(scratch, x.inertia + o, (c * na * r) * (of.mean - m0) + (c * da * (way * inverse)) * of.mean)
         by_x = (-c * na * r) * gm + (c * da * inverse) * (of.mean - way * gm)
         by_h = (c * na * r) * mean_h + (c * da * way) * (inverse * mean_h + inverse_h * of.mean)
         own = 0.5 * (r * na / inverse - way * da)
@@ -178,9 +201,9 @@ def put_inertia(beam, scratch, at, x, g, k, h):
         for side in range(2):
             part = point if side == 1 else 1.0 - point
             sign = 1.0 if side == 1 else -1.0
-            to = 96 * at.nn * side + o
-            vadd3(scratch, x.column + to, 8, (0.5 * r * part) * by_x + sign * by_h)
-            vadd3(scratch, x.line + to, 8, part * to_rate + sign * to_size)
+            to = x.node * at.nn * side + o
+            add_lanes(scratch, x.column + to, (0.5 * r * part) * by_x + sign * by_h)
+            add_lanes(scratch, x.line + to, part * to_rate + sign * to_size)
     add(scratch, x.first + STRETCH, size)
     for side in range(2):
         part = point if side == 1 else 1.0 - point
@@ -245,10 +268,15 @@ def combine(scratch, to, factor, a, sign, b):
         vst(scratch, to + i, 0, factor * vld(scratch, a + i, 0) + sign * vld(scratch, b + i, 0))
 
 
-@inlined
-def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
+@generic
+def put_stored(dofs, beam, method, strains, tab, coupled, scratch, at, x):
     """Add the forces of the stored energy on both ends of the elements, theory.md (5.22), and their derivatives. The strains are
     inversely proportional to the length of the element; tables: of the mean length."""
+
+
+@put_stored.register(Space)
+@inlined
+def put_stored_in_space(dofs, beam, method, strains, tab, coupled, scratch, at, x):
     zo = at.blocks
     eo = zo + STRAINS
     # strains with the mean length at the end and at the start, then less those of the reference and with their own; sums of two
@@ -290,7 +318,16 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
         combine(scratch, both, 1.0, excess, 1.0, rest + REST_DIVIDED)
         stresses(strains.law, strains, tab, to, coupled, scratch, both, po, ao + SHAPE)
         add_forces.call(strains, tab, to, at.nn, scratch, zo + END, po, line)
-    for i in range(0, 96 * at.nn, 8):
+    share_stored(scratch, at, x, over, force, bend)
+
+
+@inlined
+def share_stored(scratch, at, x, over, force, bend):
+    """Share what `put_stored` has found by the length of the elements out between both ends: the force, its derivative `bend`,
+    and those by and of coordinates that stand in the places of the end ahead."""
+    column = x.column + x.node * at.nn
+    line = x.line + x.node * at.nn
+    for i in range(0, x.node * at.nn, 8):
         y = (-0.5 * over) * vld(scratch, column + i, 0)
         z = (-0.5 * over) * vld(scratch, line + i, 0)
         vst(scratch, column + i, 0, y); vst(scratch, x.column + i, 0, -1.0 * y)
@@ -302,44 +339,131 @@ def put_stored(beam, method, strains, tab, coupled, scratch, at, x):
             add(scratch, x.first + CORNER + 16 * side + 8 * other, (sign if other == 1 else -sign) * bend)
 
 
+class PlanarRest(NamedTuple):
+    """Strains of the reference at a point, as `put_rest` stores them."""
+
+    start: object
+    end: object
+    slope: object
+    divided: object
+    bend: object
+    mean: object
+
+
 @inlined
-def put_weight(beam, scratch, at, x):
+def planar_rest(beam, g, h0, h1, mean):
+    """Return what `put_rest` stores, in a plane."""
+    most = beam.rest_until[0]
+    x0 = smaller(h0, vzero() + most); x1 = smaller(h1, vzero() + most)
+    beyond = (h1 - x1 - (h0 - x0)) / (h1 - h0 + 1e-300)
+    zero = triple(vzero(), vzero(), vzero())
+    value = zero; divided = zero; slope = zero
+    for k in range(beam.rest.shape[0] - 1, -1, -1):
+        slope = x1 * slope + divided
+        divided = x1 * divided + value
+        value = x0 * value + uniform(beam.rest[k, g])
+    last = uniform(beam.rest_slope[g])
+    whole_slope = divided + (x1 - x0) * slope
+    value += (h0 - x0) * last
+    divided += beyond * (last - divided)
+    end = value + (h1 - h0) * divided
+    return PlanarRest((1.0 / h0) * value, (1.0 / h1) * end, whole_slope, divided, slope, (0.5 / mean) * (value + end))
+
+
+@inlined
+def uniform(of):
+    """Return three numbers in all lanes."""
+    return triple(vzero() + of[0], vzero() + of[1], vzero() + of[2])
+
+
+@inlined
+def add_planar_forces(strains, data, shape, s, tab, to, nn, scratch, fo):
+    """Add the forces of stresses at a point on the coordinates of the nodes, from fo on, 32 doubles apart."""
+    forms = planar_form_stresses.call(strains, data, s)
+    force = planar_position_force.call(strains, data, shape, forms)
+    x, y = planar_director_forces.call(strains, data, shape, forms)
+    for a in range(nn):
+        t = to + 8 + NODE_TABLE * a
+        add_lanes(scratch, fo + 32 * a, vld(tab, t, 0) * force)
+        add_lanes(scratch, fo + 32 * a + 16, vld(tab, t + 8, 0) * x + vld(tab, t + 16, 0) * y)
+
+
+@put_stored.register(Plane)
+@inlined
+def put_stored_in_plane(dofs, beam, method, strains, tab, coupled, scratch, at, x):
+    h0 = vld(scratch, x.first + LENGTHS, 0); h1 = vld(scratch, x.first + LENGTHS + 8, 0)
+    mean = 0.5 * (h0 + h1)
+    over = 1.0 / mean
+    force = vzero(); bend = vzero()
+    for g in range(at.nq):
+        to = at.point + at.point_size * g
+        stiffness = matrix_at(tab, to, 0, 1.0)
+        middle, end = planar_shapes(tab, to, at.nn, scratch, 0)
+        start = Shape(2.0 * middle.f - end.f, 2.0 * middle.u - end.u, 2.0 * middle.k - end.k)
+        starts = planar_strains.call(strains, start)
+        ends = planar_strains.call(strains, end)
+        rest = planar_rest(beam, g, h0, h1, mean)
+        vst3(scratch, x.rest + 24 * g, 8, rest.mean)
+        strain = 0.5 * (starts + ends) - rest.mean
+        both = strain + rest.slope
+        add_planar_forces(strains, planar_point_data.call(strains, middle, start, end), middle, apply_law(stiffness, both), tab,
+                          to, at.nn, scratch, x.column + x.node * at.nn)
+        divided = apply_law(stiffness, rest.divided)
+        force -= over * dot(divided, strain)
+        bend += (0.5 * over * over) * dot(divided, both)
+        bend -= over * dot(apply_law(stiffness, rest.bend), strain)
+        excess = (mean / h0) * starts - rest.start
+        square = (over * over) * h0 * dot(apply_law(stiffness, excess), excess)
+        excess = (mean / h1) * ends - rest.end
+        stress = apply_law(stiffness, excess)
+        own = (over * over) * dot(stress, excess)
+        square += h1 * own
+        force -= 0.25 * square
+        bend += 0.125 * over * square - 0.25 * own
+        bend += (0.5 * over * over) * dot(stress, excess + rest.slope)
+        add_planar_forces(strains, planar_point_data.call(strains, end, end, end), end, stress + divided, tab, to, at.nn, scratch,
+                          x.line + x.node * at.nn)
+    share_stored(scratch, at, x, over, force, bend)
+
+
+@inlined
+def put_weight(beam, scratch, at, x, dofs):
     """Add the weight: its forces on nodes are shares of the length."""
     mean = 0.5 * (vld(scratch, x.first + LENGTHS, 0) + vld(scratch, x.first + LENGTHS + 8, 0))
-    force = vld3(scratch, x.first + WEIGHT, 8)
-    base = vld3(scratch, x.first + BASE, 8)
+    force = vector_lanes(scratch, x.first + WEIGHT, dofs)
+    base = vector_lanes(scratch, x.first + BASE, dofs)
     for a in range(at.nn):
         m = 0.0
         for g in range(beam.mass_point.shape[1]):
             m += beam.mass_point[1, g] * beam.mass_shape[0, g, a]
-        height = m * dot(force, base + vld3(scratch, at.node * a, 8))
+        height = m * dot(force, base + vector_lanes(scratch, at.node * a, dofs))
         add(scratch, x.first + STRETCH, -1.0 * height)
-        vadd3(scratch, x.inertia + 96 * a, 8, (-m * mean) * force)
+        add_lanes(scratch, x.inertia + x.node * a, (-m * mean) * force)
         for side in range(2):
             sign = 1.0 if side == 1 else -1.0
-            to = 96 * (at.nn * side + a)
-            vadd3(scratch, x.column + to, 8, (-0.5 * m * sign) * force)
-            vadd3(scratch, x.line + to, 8, (-0.5 * m * sign) * force)
+            to = x.node * (at.nn * side + a)
+            add_lanes(scratch, x.column + to, (-0.5 * m * sign) * force)
+            add_lanes(scratch, x.line + to, (-0.5 * m * sign) * force)
 
 
 @add_inertia.register(MovingStep)
 @kernel
 def add_moving_inertia(method, constants, scratch, at, dofs):
     """Add what `put_inertia` and `put_weight` left."""
-    for i in range(0, 96 * at.nn, 8):
+    for i in range(0, (96 if len(dofs) == 6 else 32) * at.nn, 8):
         add(scratch, at.forces + i, vld(scratch, at.doubles + INERTIA + i, 0))
 
 
 @inlined
-def put_unknowns(scratch, at, first, q, to):
+def put_unknowns(scratch, at, x, first, q, to, dofs):
     """Transform derivatives by the coordinates of the nodes, from `first` on, to those by their unknowns, from `to` on: vectors,
     and sums of directors cross vectors; q: offset of the middle or the end of the step."""
     for a in range(at.nn):
-        vst3(scratch, to + 48 * a, 8, vld3(scratch, first + 96 * a, 8))
-        moment = vzero3()
-        for d in range(24, 96, 24):
-            moment += cross(vld3(scratch, at.node * a + q + d, 8), vld3(scratch, first + 96 * a + d, 8))
-        vst3(scratch, to + 48 * a + 24, 8, moment)
+        put_lanes(scratch, to + x.unknowns * a, vector_lanes(scratch, first + x.node * a, dofs))
+        turn = zero_moment(dofs)
+        for d in range(x.vector, x.node, x.vector):
+            turn += moment(vector_lanes(scratch, at.node * a + q + d, dofs), vector_lanes(scratch, first + x.node * a + d, dofs))
+        put_lanes(scratch, to + x.unknowns * a + x.vector, turn)
 
 
 @inlined
@@ -352,7 +476,7 @@ def share_out(scratch, x, first, second):
 
 
 @kernel
-def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h):
+def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h, dofs):
     """Evaluate everything of WIDTH elements that the element loop does not, from their coordinates in the middle and at the end
     of the step, and the tables for the element loop; h: 0 at rest."""
     stretch_tables(beam, tab, scratch, at, x, h)
@@ -360,16 +484,16 @@ def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h):
         vst(scratch, i, 0, 0.0)
     for i in range(x.first + FORCES, x.first + WEIGHT, 8):
         vst(scratch, i, 0, 0.0)
-    put_stored(beam, method, strains, tab, coupled, scratch, at, x)
+    put_stored.call(dofs, beam, method, strains, tab, coupled, scratch, at, x)
     for g in range(beam.mass_point.shape[1] if h != 0.0 else 0):
-        for k in range(4):
+        for k in range(x.fields):
             if beam.rho[k] != 0.0:
-                put_inertia(beam, scratch, at, x, g, k, h)
-    put_weight(beam, scratch, at, x)
-    size = 48 * at.nn
+                put_inertia(beam, scratch, at, x, g, k, h, dofs)
+    put_weight(beam, scratch, at, x, dofs)
+    size = x.unknowns * at.nn
     for side in range(2):
-        put_unknowns(scratch, at, x.column + 2 * size * side, 0, x.rows + size * side)
-        put_unknowns(scratch, at, x.line + 2 * size * side, 96, x.rows + 2 * size + size * side)
+        put_unknowns(scratch, at, x, x.column + x.node * at.nn * side, 0, x.rows + size * side, dofs)
+        put_unknowns(scratch, at, x, x.line + x.node * at.nn * side, x.node, x.rows + 2 * size + size * side, dofs)
     for i in range(0, size, 8):
         share_out(scratch, x, x.rows + i, x.rows + size + i)
         share_out(scratch, x, x.rows + 2 * size + i, x.rows + 3 * size + i)

@@ -3,13 +3,14 @@
 The history keeps momenta of points of the elements. Their means over a step follow from mean rates; forces on nodes and places of
 contacts change their sums. That conserves energy and both momenta.
 
-Arrays: q_mid, q_end [12 N]; counts_out [5]; scratch [*], numbers of a group of 8 elements in lanes.
+Arrays: counts_out [5]; history [*]; scratch [*], numbers of a group of 8 elements in lanes.
 """
 from __future__ import annotations
 
 import numpy as np
 
-from fastbeam.kernels.algebra.blocks import THREE, TWELVE
+from fastbeam.kernels.algebra.blocks import FOUR, THREE, TWELVE, TWO
+from fastbeam.kernels.algebra.dimensions import Plane, Space, dim
 from fastbeam.kernels.algebra.lanes import gather_lanes
 from fastbeam.kernels.algebra.vectors import WIDTH, address, vld, vst
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
@@ -28,7 +29,8 @@ from fastbeam.kernels.contact.moving_elements import (
     moved,
     put_momenta,
 )
-from fastbeam.kernels.jit.decorators import kernel, separate
+from fastbeam.kernels.jit.decorators import inlined, kernel, separate
+from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, layout
 from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, spread_nodes, within_limits
 
@@ -64,6 +66,87 @@ def put_ends(beam, k, scratch, x, state, work, h):
             scratch[o + RATES + 8 * side] = (1.0 - f) * behind + f * ahead
 
 
+@generic
+def gather_rates(dofs, state, tables, no, scratch, to):
+    """Gather the rates of the coordinates of 8 nodes into lanes."""
+
+
+@generic
+def gather_positions(dofs, state, tables, no, scratch, to):
+    """Gather the positions of 8 nodes at the start of the step into lanes."""
+
+
+@generic
+def gather_momenta(dofs, beam, k, points, g, history, scratch, to):
+    """Gather the momenta of the elements of group k at point g of the mass into lanes; in a plane those of its coordinates."""
+
+
+@generic
+def keep_momenta(dofs, beam, points, e, g, lane, scratch, momenta, history):
+    """Keep the momenta of element e, in a lane, at point g of the mass, in the history, which has vectors in space."""
+
+
+@gather_rates.register(Space)
+@inlined
+def gather_rates_in_space(dofs, state, tables, no, scratch, to):
+    gather_lanes(state.v, tables.nodes, no, 12, scratch, to, TWELVE)
+
+
+@gather_rates.register(Plane)
+@inlined
+def gather_rates_in_plane(dofs, state, tables, no, scratch, to):
+    gather_lanes(state.v, tables.nodes, no, 4, scratch, to, FOUR)
+
+
+@gather_positions.register(Space)
+@inlined
+def gather_positions_in_space(dofs, state, tables, no, scratch, to):
+    gather_lanes(state.q, tables.nodes, no, 12, scratch, to, THREE)
+
+
+@gather_positions.register(Plane)
+@inlined
+def gather_positions_in_plane(dofs, state, tables, no, scratch, to):
+    gather_lanes(state.q, tables.nodes, no, 4, scratch, to, TWO)
+
+
+@gather_momenta.register(Space)
+@inlined
+def gather_momenta_in_space(dofs, beam, k, points, g, history, scratch, to):
+    gather_lanes(address(history, beam.place[0] + 12 * g), beam.lane, 8 * k, 12 * points, scratch, to + 96 * g, TWELVE)
+
+
+@gather_momenta.register(Plane)
+@inlined
+def gather_momenta_in_plane(dofs, beam, k, points, g, history, scratch, to):
+    for lane in range(8):
+        first = beam.place[0] + 12 * (points * beam.lane[8 * k + lane] + g)
+        for c in range(4):
+            y = 0.0
+            for i in range(12):
+                y += beam.within[0, i, c] * history[first + i]
+            scratch[to + 32 * g + 8 * c + lane] = y
+
+
+@keep_momenta.register(Space)
+@inlined
+def keep_momenta_in_space(dofs, beam, points, e, g, lane, scratch, momenta, history):
+    first = beam.place[0] + 12 * (points * e + g)
+    for i in range(12):
+        history[first + i] = scratch[momenta + 96 * g + 8 * i + lane]
+
+
+@keep_momenta.register(Plane)
+@inlined
+def keep_momenta_in_plane(dofs, beam, points, e, g, lane, scratch, momenta, history):
+    first = beam.place[0] + 12 * (points * e + g)
+    for i in range(12):
+        y = 0.0
+        for c in range(4):
+            y += beam.within[1, i, c] * scratch[momenta + 32 * g + 8 * c + lane]
+        history[first + i] = y
+
+
 @kernel
 def gather_moving(beam, k, at, x, step, state, work, h, dofs):
     """Gather coordinates, their mean rates, ends and momenta of the elements of group k into scratch."""
@@ -72,27 +155,26 @@ def gather_moving(beam, k, at, x, step, state, work, h, dofs):
     scratch = beam.scratch
     for a in range(at.nn):
         # v + h u/2: differences of positions over h would be round-off of these
-        gather_lanes(state.v, beam.tables.nodes, no + 8 * a, 12, scratch, x.rows, TWELVE)
-        for i in range(0, 96, 8):
-            o = at.rates + 96 * a + i
+        gather_rates.call(dofs, state, beam.tables, no + 8 * a, scratch, x.rows)
+        for i in range(0, x.node, 8):
+            o = at.rates + x.node * a + i
             vst(scratch, o, 0, vld(scratch, x.rows + i, 0) + (0.5 * h) * vld(scratch, o, 0))
     # positions count from the first node: far from the origin strains would be round-off of them
     for a in range(at.nn):
-        gather_lanes(state.q, beam.tables.nodes, no + 8 * a, 12, scratch, x.rows + 24 * a, THREE)
-    for i in range(0, 24, 8):
+        gather_positions.call(dofs, state, beam.tables, no + 8 * a, scratch, x.rows + x.vector * a)
+    for i in range(0, x.vector, 8):
         start = vld(scratch, x.rows + i, 0)
-        end = vld(scratch, 96 + i, 0)
+        end = vld(scratch, x.node + i, 0)
         vst(scratch, x.first + BASE + i, 0, 0.5 * (start + end))
         for a in range(at.nn):
             o = at.node * a + i
-            moved_end = vld(scratch, o + 96, 0) - end
-            vst(scratch, o + 96, 0, moved_end)
-            vst(scratch, o, 0, 0.5 * (vld(scratch, x.rows + 24 * a + i, 0) - start + moved_end))
+            moved_end = vld(scratch, o + x.node, 0) - end
+            vst(scratch, o + x.node, 0, moved_end)
+            vst(scratch, o, 0, 0.5 * (vld(scratch, x.rows + x.vector * a + i, 0) - start + moved_end))
     put_ends(beam, k, beam.scratch, x, state, work, h)
     points = beam.mass_point.shape[1]
     for g in range(points):
-        gather_lanes(address(state.history, beam.place[0] + 12 * g), beam.lane, 8 * k, 12 * points, beam.scratch,
-                     x.momenta + 96 * g, TWELVE)
+        gather_momenta.call(dofs, beam, k, points, g, state.history, beam.scratch, x.momenta)
 
 
 @separate
@@ -100,10 +182,10 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
     """Add residual and tangent of group k; h: 0 at rest."""
     tables, scratch = beam.tables, beam.scratch
     at = layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS])
-    x = moved(at, beam.mass_point.shape[1])
+    x = moved(at, beam.mass_point.shape[1], dofs)
     step = motion.call(method, state, work, h)
     gather_moving(beam, k, at, x, step, state, work, h, dofs)
-    for c in range(3):
+    for c in range(dim(dofs)):
         for lane in range(8):
             scratch[x.first + WEIGHT + 8 * c + lane] = beam.following.gravity[0] * beam.weighs[c]
     # the tangent is exact, without the stresses of theory.md (4.6)
@@ -111,20 +193,20 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
     for lane in range(0, 8, WIDTH):
         tab = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
         of_lanes = address(scratch, lane)
-        evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, x, h)
+        evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, x, h, dofs)
         evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
     scatter_group(tables, k, at, 1, scratch, work.r, work.blocks, dofs)
     for lane in range(8):
         if 8 * k + lane < beam.node.shape[0]:
-            scatter_ends(beam, 8 * k + lane, lane, scratch, at, x)
+            scatter_ends(beam, 8 * k + lane, lane, scratch, at, x, dofs)
 
 
 @kernel
-def scatter_ends(beam, e, lane, scratch, at, x):
+def scatter_ends(beam, e, lane, scratch, at, x, dofs):
     """Add the forces of element e on the places of contacts, and the derivatives that belong to these places."""
-    n = at.nn
-    size = 48 * n
+    n = len(dofs)
+    size = x.unknowns * at.nn
     following = beam.following
     for side in range(2):
         if beam.slot[e, side] < 0:
@@ -132,11 +214,11 @@ def scatter_ends(beam, e, lane, scratch, at, x):
         f = beam.first[0] + beam.slot[e, side]
         column = x.rows + size * side + lane
         line = column + 2 * size
-        for a in range(n):
+        for a in range(at.nn):
             border = following.border[f, beam.entry[e, side, a]]
-            for c in range(6):
-                border[c] += scratch[column + 48 * a + 8 * c]
-                border[6 + c] += scratch[line + 48 * a + 8 * c]
+            for c in range(n):
+                border[c] += scratch[column + x.unknowns * a + 8 * c]
+                border[n + c] += scratch[line + x.unknowns * a + 8 * c]
         corner = x.first + CORNER + 16 * side + lane
         following.pull[f, 0] += scratch[x.first + FORCES + 8 * side + lane]
         following.pull[f, 1] += scratch[corner + 8 * side]
@@ -144,11 +226,11 @@ def scatter_ends(beam, e, lane, scratch, at, x):
             # the contact behind has the number `side` = 0
             following.cross[f - side, side] += scratch[corner + 8 * (1 - side)]
         if beam.share[e, side] == float(side):
-            put_tangent(beam, e, side, f, scratch, at, x, lane)
+            put_tangent(beam, e, side, f, scratch, at, x, lane, dofs)
 
 
 @kernel
-def put_tangent(beam, e, side, f, scratch, at, x, lane):
+def put_tangent(beam, e, side, f, scratch, at, x, lane, dofs):
     """Add the half of the tangent at contact f, at an end of element e, and its derivatives."""
     following = beam.following
     size = 0.5 * (scratch[x.first + LENGTHS + lane] + scratch[x.first + LENGTHS + 8 + lane])
@@ -157,7 +239,7 @@ def put_tangent(beam, e, side, f, scratch, at, x, lane):
     for a in range(at.nn):
         slope = 0.5 * beam.edge[side, a] / size
         following.slope[f, beam.entry[e, side, a]] += 0.5 * slope
-        for c in range(3):
+        for c in range(dim(dofs)):
             part = slope * scratch[at.node * a + 8 * c + lane]
             following.tangent[f, c] += part
             following.tangent[f, 3 + c] -= by_place * part
@@ -209,7 +291,7 @@ def account_moving(beam, system, h):
         # as the velocities of nodes
         place = behind + j
         state.history[place] = 2.0 * rate_of(beam, j, h) - state.history[place]
-    way = height_of(beam, work.q_end, work.s_end) - height_of(beam, state.q, state.s)
+    way = height_of(beam, work.q_end, work.s_end, dofs) - height_of(beam, state.q, state.s, dofs)
     state.history[behind + beam.slider.shape[0]] += beam.following.gravity[0] * way
 
 
@@ -217,16 +299,15 @@ def account_moving(beam, system, h):
 def take_momenta(beam, k, state, work, h, dofs):
     """Store the momenta of group k at the end of the step."""
     at = layout(dofs, beam.tables.meta[k, NODES], beam.tables.meta[k, POINTS])
-    x = moved(at, beam.mass_point.shape[1])
+    x = moved(at, beam.mass_point.shape[1], dofs)
     gather_moving(beam, k, at, x, motion.call(MOVING_STEP, state, work, h), state, work, h, dofs)
     for lane in range(0, 8, WIDTH):
-        put_momenta(beam, address(beam.scratch, lane), at, x)
+        put_momenta(beam, address(beam.scratch, lane), at, x, dofs)
     points = beam.mass_point.shape[1]
     for lane in range(8):
         if 8 * k + lane < beam.node.shape[0]:
-            first = density_place(beam, 8 * k + lane, 0, 0)
-            for i in range(12 * points):
-                state.history[first + i] = beam.scratch[x.momenta + 8 * i + lane]
+            for g in range(points):
+                keep_momenta.call(dofs, beam, points, 8 * k + lane, g, lane, beam.scratch, x.momenta, state.history)
 
 
 @within_limits.register(MovingBeam)

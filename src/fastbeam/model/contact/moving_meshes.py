@@ -2,27 +2,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
+from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.moving_beam import MovingGravity, energy_of_moving, height_of, momentum_sums, motion_of
 from fastbeam.kernels.contact.slider import RATE, Following
 from fastbeam.kernels.energies import STRAIN
 from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
-from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates, ways_of
+from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates, table_in_plane, ways_of
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import mean_factors
 from fastbeam.model.maps import velocity_map
 
 Array = np.ndarray
-# reason why scenes with moving meshes have no tables of a plane
-IN_SPACE = "moving meshes are available in space only"
-
-
 # analyses at rest that know moving elements
 AT_ENDS = Analysis.STATIC, Analysis.MODES, Analysis.PATH, Analysis.STICK
 
@@ -33,7 +30,6 @@ class Moving(Feature):
 
     key, title, order, is_told_first = "moving", "moving elements (MovingMesh)", 100, True
     lacks = (
-        Lack((Analysis.PLANAR,), "moving elements", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
         Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
                                                          "elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
@@ -64,6 +60,9 @@ class Moving(Feature):
     pairs: Array  # int64 [P, 2]: sliders at neighbouring contacts
     rates: Array  # float64 [F]: ds/dt at the start, m/s
     gravity_time: Callable[[float], float] | None
+    # in a plane that, and the feature in space
+    plane: Any = None
+    in_space: Moving | None = None
 
     @property
     def history_size(self) -> int:
@@ -109,6 +108,10 @@ class Moving(Feature):
             return
         factors = mean_factors(self.gravity_time, span.starts, span.lengths)
         yield Stand.MOVING, MovingGravity(span.own["moving"].gravity, factors)
+
+    def in_plane(self, plane: Any, model: Any, constraints: int) -> Moving:
+        """Return the feature with tables of a plane; histories have momenta of vectors in space."""
+        return replace(self, tables=tuple(table_in_plane(table, plane) for table in self.tables), plane=plane, in_space=self)
 
     def put_gravity(self, following: Following, times: list[Any], factors: Array) -> None:
         """Set the factor of gravity of an equilibrium; factors [K] of the loads with these time functions."""
@@ -200,7 +203,7 @@ class Moving(Feature):
 
     def weight_of(self, state: State) -> float:
         """Return the energy of all moving beams in the full gravity of the scene, J."""
-        return -sum(height_of(table, state.q, state.s) for table in self.tables)
+        return -sum(height_of(table, state.q, state.s, SPACE) for table in self.tables)
 
     def work_of_weight(self, history: Array) -> float:
         """Return the work of gravity on all moving beams since the start, J."""
@@ -221,6 +224,10 @@ class Moving(Feature):
 
     def start_momenta(self, own: Array, q: Array, v: Array, s: Array) -> None:
         """Put the momenta of coordinates and places, and of their rates, into the history variables."""
+        if self.in_space is not None:
+            (q,), (v,) = self.plane.rows(q[None], v[None])
+            self.in_space.start_momenta(own, q, v, s)
+            return
         for table in self.tables:
             first = self._first(table)
             own[first:first + _count(table)] = self._momenta(table, own, q, v, s).reshape(-1)

@@ -9,13 +9,14 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.lazy_import import sparse
-from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.algebra.dimensions import PLANE, SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.strain_measures import SIMO_REISSNER
 from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.kernels.contact.slider import Following
-from fastbeam.kernels.layout import BLOCKS, CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS
+from fastbeam.kernels.layout import BLOCKS, CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS, layout_of
 from fastbeam.model.numbering import NodeList
+from fastbeam.model.plane import Plane, strain_maps
 from fastbeam.model.tables import TablePool, elements_of, group_tables, strains_of
 from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import Beam, Slider
@@ -112,7 +113,7 @@ class Mesh:
             np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), edge, weight, np.array(section.C, dtype=float),
             reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
-            rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+            rho[0] * np.asarray(gravity, dtype=float), np.zeros((2, 12, 4)), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
 
     def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
         """Describe length times strains of an element whose nodes lie on the reference, which its interpolation does not strain:
@@ -157,6 +158,35 @@ class Mesh:
         rows = np.where(live, row_of[nodes[lane]], row_of.size)
         return ElementTables(meta, pool.array(), in_lanes(nodes[lane]), in_lanes(rows),
                              in_lanes(np.where(live, block[lane].reshape(lane.size, -1), blocks.n_blocks)))
+
+
+def table_in_plane(table: MovingBeam, plane: Plane) -> MovingBeam:
+    """Return the term of a beam for nodes with 3 unknowns in a plane, in which it lies and stays."""
+    n, points, first = table.node.shape[1], table.weight.size, int(table.node[0, 0])
+    cos, sin = float(plane.factor[first, 1].imag), float(plane.normal[first, 1])
+    within = strain_maps(np.array(cos), np.array(sin))[0]
+    space, flat = layout_of(SPACE, n, points), layout_of(PLANE, n, points)
+    meta, pool = table.tables.meta.copy(), TablePool()
+    shares = np.array((cos * cos, sin * sin))
+    for k, offset in enumerate(meta[:, CONSTANTS].tolist()):
+        of = table.tables.tab[offset:offset + space.table_size].reshape(-1, 8)
+        C = np.einsum("ia,ijl,jb->abl", within, of[:36].reshape(6, 6, 8), within).reshape(9, 8)
+        inertia, behind = of[space.inertia // 8:space.masses // 8], of[space.masses // 8:]
+        rows = np.concatenate((C, of[36:space.inertia // 8], inertia[:1], shares @ inertia[1:], behind), axis=None)
+        meta[k, CONSTANTS] = pool.append(rows[None])[0]
+    rho = np.array((table.rho[0], shares @ table.rho[2:]))
+    to_space, to_plane = np.zeros((12, 4)), np.zeros((12, 4))
+    to_space[:3, :2] = to_plane[:3, :2] = plane.axes[:2].T
+    inert = [i for i in (1, 2) if table.rho[1 + i] != 0.0]
+    for i in inert:
+        turned = plane.factor[first, i] * np.array((1.0, 1j))
+        to_space[3 + 3 * i:6 + 3 * i, 2:] = plane.axes[:2].T @ np.stack((turned.real, turned.imag))
+    for i in sorted(inert, key=lambda i: -abs(plane.factor[first, i]))[:1]:
+        to_plane[3 + 3 * i:6 + 3 * i, 2:] = np.linalg.pinv(to_space[3 + 3 * i:6 + 3 * i, 2:]).T
+    assert rows.size == flat.table_size
+    return table._replace(tables=table.tables._replace(meta=meta, tab=pool.array()), rest=table.rest @ within,
+                          rest_slope=table.rest_slope @ within, rho=rho, weighs=plane.axes[:2] @ table.weighs,
+                          within=np.stack((to_plane, to_space)))
 
 
 def _lanes(elements: int) -> Array:
