@@ -237,12 +237,13 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
 def _by_nodes(core: Model, following: Following, turning: Equations, by_tangent: Array) -> Equations:
     """Return derivatives of friction with those of contacts on moving meshes by the tangents there."""
     sliders, slide, bend = core.moving.sliders, turning.slide, turning.bend.copy()
-    bend[sliders] = 2.0 * np.sum(by_tangent[sliders] * following.tangent[:, 3:], axis=1)
+    d, size = core.dim, len(core.dofs)
+    bend[sliders] = 2.0 * np.sum(by_tangent[sliders] * following.tangent[:, 3:3 + d], axis=1)
     others = ~np.isin(slide.row, sliders)
     f, m = (following.nodes >= 0).nonzero()
     value = 2.0 * following.slope[f, m][:, None] * by_tangent[sliders[f]]
-    column = 6 * core.pattern.row_of[following.nodes[f, m]].astype(np.int64)[:, None] + np.arange(3)
-    free = column < 6 * core.pattern.n
+    column = size * core.pattern.row_of[following.nodes[f, m]].astype(np.int64)[:, None] + np.arange(d)
+    free = column < size * core.pattern.n
     row = np.broadcast_to(sliders[f][:, None], column.shape)
     kept = Entries(slide.row[others], slide.column[others], slide.value[others])
     return turning._replace(bend=bend, slide=kept.with_more(Entries(row[free], column[free], value[free])))

@@ -307,7 +307,7 @@ class Constraints:
         tangent = along = corner[:, 8 * d:9 * d].copy()
         if core.moving is not None:
             along = tangent.copy()
-            along[core.moving.sliders] = self.stepper.own["moving"].tangent[:, :3]
+            along[core.moving.sliders] = self.stepper.own["moving"].tangent[:, :d]
         found = Equations(residual[:s, :d].copy(), tangent, residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
                           gaps, gradient, slide, turns, idle, -work.r, along=along)
         return found if core.moving is None else self._by_material(found)
@@ -315,11 +315,16 @@ class Constraints:
     @property
     def ways(self) -> Any:
         """Motion of the unknowns of nodes of moving meshes with the places of sliders at the present shape, sparse [m, S]."""
-        core, state = self.stepper.core, self.stepper.state
+        core, state, plane = self.stepper.core, self.stepper.state, self.stepper.plane
         size = len(core.dofs)
         m = size * core.pattern.n
-        ways = core.moving.ways(state.q, state.s).tocoo()
-        node, component = np.divmod(ways.row, 6)
+        ways = core.moving.ways(state.q, state.s)
+        if plane is not None:
+            in_plane = np.zeros((3, 6))
+            in_plane[:2, :3], in_plane[2, 3:] = plane.axes[:2], plane.axes[2]
+            ways = sparse.kron(sparse.identity(state.q.size // 12), in_plane) @ ways
+        ways = ways.tocoo()
+        node, component = np.divmod(ways.row, size)
         row = size * core.pattern.row_of[node] + component
         seen = row < m
         return sparse.csr_matrix((ways.data[seen], (row[seen], core.moving.sliders[ways.col[seen]])), shape=(m, core.n_sliders))

@@ -160,9 +160,8 @@ class Stepper:
     def _choose_core(self, start: State | None, memory: Array | None) -> None:
         """Choose the model whose equations are solved, that in space or that in its plane, and reduce the start to it."""
         model = self.model
-        # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there;
-        # equilibria with moving meshes, too
-        flat = model.plane is not None and not self.method.is_compared and not (self._static and model.moving is not None)
+        # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
+        flat = model.plane is not None and not self.method.is_compared
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         core: Model = model if self.plane is None else self.plane.model
