@@ -302,6 +302,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     """Return the plane with its model: the tables of the scene with 3 unknowns a node. model: the tables in space, whose lists of
     nodes, rows and blocks serve both; packers: the elements of its tables, by strain set."""
     plane, axes = found.plane, found.plane.axes
+    # moving meshes have changed the velocities at the start
+    velocities = plane.reduce(State(model.q0, model.v0, model.s0, np.zeros(model.n_forces), np.zeros(0))).v
     loads = model.loads._replace(first=_load(model.loads.first, axes), value=_load(model.loads.value, axes))
     strains = TablePool()
     simo, green = (None if tables is None else _elements(tables, packers[strain], plane, strains)
@@ -323,7 +325,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties,
         held=_held(model.held, axes),
-        static_held=_held(model.static_held, axes), q0=found.state.q, v0=found.state.v, dofs=PLANE)
+        static_held=_held(model.static_held, axes), q0=found.state.q, v0=velocities, dofs=PLANE)
     flat = replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0))
     return replace(plane, moments=sleeves_in_plane(model, plane)[1], model=flat)
 
