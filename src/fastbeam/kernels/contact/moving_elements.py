@@ -29,9 +29,9 @@ from fastbeam.kernels.beams.strain_measures import (
     present_strains,
 )
 from fastbeam.kernels.beams.strains import interpolate, stresses
-from fastbeam.kernels.jit.decorators import inlined, kernel
+from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STRAINS, TEMPORARY
+from fastbeam.kernels.layout import BEFORE, END, MIDDLE, NODE_TABLE, SHAPE, SHAPES_AT, STRAINS, TEMPORARY, layout
 from fastbeam.kernels.terms import Conserving
 
 # numbers of an element behind its scratch of the element loop: lengths at both ends of the step, mean rates of both its ends, and
@@ -475,8 +475,22 @@ def share_out(scratch, x, first, second):
     vst(scratch, second, 0, f0 * a + f1 * b)
 
 
-@kernel
-def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h, dofs):
+@separate
+def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, points, h, dofs):
+    """Run `evaluate_ends_at` for any numbers of nodes and points; points: those of the mass."""
+    evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, points, dofs), points, h, dofs)
+
+
+@separate
+def evaluate_cubic_ends(beam, method, strains, tab, coupled, scratch, h, dofs):
+    """Run `evaluate_ends_at` for 4 nodes and 3 points, 4 of the mass: lengths of loops and offsets are known when it is
+    compiled."""
+    at = layout(dofs, 4, 3)
+    evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, 4, dofs), 4, h, dofs)
+
+
+@inlined
+def evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, x, points, h, dofs):
     """Evaluate everything of WIDTH elements that the element loop does not, from their coordinates in the middle and at the end
     of the step, and the tables for the element loop; h: 0 at rest."""
     stretch_tables(beam, tab, scratch, at, x, h)
@@ -485,7 +499,7 @@ def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, x, h, dofs):
     for i in range(x.first + FORCES, x.first + WEIGHT, 8):
         vst(scratch, i, 0, 0.0)
     put_stored.call(dofs, beam, method, strains, tab, coupled, scratch, at, x)
-    for g in range(beam.mass_point.shape[1] if h != 0.0 else 0):
+    for g in range(points if h != 0.0 else 0):
         for k in range(x.fields):
             if beam.rho[k] != 0.0:
                 put_inertia(beam, scratch, at, x, g, k, h, dofs)

@@ -25,6 +25,7 @@ from fastbeam.kernels.contact.moving_elements import (
     RATES,
     SHARES,
     WEIGHT,
+    evaluate_cubic_ends,
     evaluate_ends,
     moved,
     put_momenta,
@@ -182,7 +183,8 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
     """Add residual and tangent of group k; h: 0 at rest."""
     tables, scratch = beam.tables, beam.scratch
     at = layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS])
-    x = moved(at, beam.mass_point.shape[1], dofs)
+    points = beam.mass_point.shape[1]
+    x = moved(at, points, dofs)
     step = motion.call(method, state, work, h)
     gather_moving(beam, k, at, x, step, state, work, h, dofs)
     for c in range(dim(dofs)):
@@ -193,7 +195,10 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
     for lane in range(0, 8, WIDTH):
         tab = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
         of_lanes = address(scratch, lane)
-        evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, x, h, dofs)
+        if at.nn == 4 and at.nq == 3 and points == 4:
+            evaluate_cubic_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, h, dofs)
+        else:
+            evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, points, h, dofs)
         evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
     scatter_group(tables, k, at, 1, scratch, work.r, work.blocks, dofs)
