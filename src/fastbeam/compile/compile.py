@@ -21,7 +21,7 @@ import numpy as np
 from fastbeam.compile.condense import Condensed
 from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
-from fastbeam.compile.moving_meshes import rewrite, with_tables
+from fastbeam.compile.moving_meshes import moving_tables, rewrite, with_tables
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
@@ -109,7 +109,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if rewritten is not None:
         scene, condense = rewritten.scene, False
     scene.check()
-    numbered = number(scene, meshes)
+    numbered = number(scene)
     unpacked = unpack(scene, numbered, pack_at_rest, meshes)
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
     if planar is True and found is None:
@@ -120,7 +120,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if condensed.carriers is not None:
         constraints -= sum(1 + isinstance(scene.sliders[k], Sleeve) for k in condensed.carriers.slider.tolist())
     ordered = order(numbered, condensed, solver, eliminate_inner, constraints, kept)
-    model = with_tables(pack(scene, unpacked, condensed, ordered), scene, meshes, ordered.blocks)
+    model = with_tables(pack(scene, unpacked, condensed, ordered), scene, meshes, moving_tables(condensed, ordered))
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # copies of the scene, because the user may add parts to it before other models of it are compiled
     as_compiled, numbered_as = copy(as_given), copy(scene)
@@ -176,6 +176,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         m = packer.n_blocks
         tables[name] = packer.tables(row_of, blocks.element[at:at + m], strains) if packer.meta else None
         at += m
+    at += sum(packer.n_blocks for packer in condensed.moving)
     inner = pack_inner(used, row_of, pattern.n, ordered.n_panel, ordered.store, ordered.columns)
     between_ends = blocks.element[at:at + 4 * len(ends)].reshape(-1, 4)
     substructures = pack_substructures(list(packers.values()), row_of[ends], between_ends, blocks.n_blocks, pattern.n,

@@ -20,13 +20,14 @@ class Condensed:
     """Elements in groups."""
 
     packers: dict[str, ElementPacker]  # packers of both strain sets
+    moving: list[ElementPacker]  # packers of every beam whose elements move with contacts
     carriers: Carriers | None
     ends: Array  # int64 [B, 2]: first and last node of all condensed beams, carriers last
 
     @property
     def used(self) -> list[ElementPacker]:
         """Packers with elements."""
-        return [packer for packer in self.packers.values() if packer.meta]
+        return [packer for packer in (*self.packers.values(), *self.moving) if packer.meta]
 
 
 def condense(scene: Scene, unpacked: Unpacked, condense: bool | str) -> Condensed:
@@ -45,7 +46,10 @@ def condense(scene: Scene, unpacked: Unpacked, condense: bool | str) -> Condense
             packers[part.strain].add(part, lanes.reshape(-1), lanes.shape[1])
         for g, lanes in () if carried is None else carried.elements.get(source.name, ()):
             packers[part.strain].add(part, lanes, -1 - g)
+    moving = [ElementPacker() for _ in unpacked.moving]
+    for packer, part in zip(moving, unpacked.moving):
+        packer.add(part)
     carriers = None if carried is None else carried.carriers._replace(tables=np.array(
         [(g, k, at, m) for k, packer in enumerate(packers.values()) for g, at, m in packer.carried()]))
     ends = condensed_ends([packer for packer in packers.values() if packer.meta])
-    return Condensed(packers, carriers, ends if carriers is None else np.concatenate((ends, carriers.ends)))
+    return Condensed(packers, moving, carriers, ends if carriers is None else np.concatenate((ends, carriers.ends)))

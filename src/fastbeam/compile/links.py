@@ -5,7 +5,7 @@ adds an entry from outside (docs/extending.md).
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,7 +25,6 @@ from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
 from fastbeam.kernels.terms import Conserving, NoTies, assemble
 from fastbeam.model.connections import Connections
-from fastbeam.model.contact.moving_tables import Mesh
 from fastbeam.model.feature import Feature
 from fastbeam.model.forces.bushings import BushingRows, bushings
 from fastbeam.model.forces.failed_laws import Lawful
@@ -276,16 +275,14 @@ class Links:
 
     joints: connections; ball joints of its `loops` have multipliers.
     hinges: int [*, 2], ball joints of nets.
-    meshes: those that move with contacts.
     Raises SceneError: a link that makes no sense where its ends are, as a distance joint between points at the same place.
     """
 
-    def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array, meshes: Sequence[Mesh]) -> None:
+    def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((nodes.ends(scene.balls), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
         self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
-        self.meshes = meshes
         self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
@@ -339,7 +336,6 @@ class Links:
     def touched(self) -> Array:
         """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
         own = [self.loaded.node, self.ropes.node.reshape(-1)]
-        own += [mesh.nodes(self.nodes).reshape(-1) for mesh in self.meshes]
         return np.unique(np.concatenate([*own, *(group.node.reshape(-1) for group in self.groups)]))
 
     @property
@@ -347,7 +343,6 @@ class Links:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self.nodes)
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
-        out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
         # forces on the coordinates of joints couple their nodes, whatever conditions the joints have
         acting = [(at, x.shape.is_angle) for (x, at, _), acts in zip(self.freedoms, self.acting) if acts]
         links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]

@@ -6,11 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.compile.condense import Condensed
+from fastbeam.compile.order import Ordered
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.contact.slider import Following
 from fastbeam.model.contact.moving_meshes import Moving
 from fastbeam.model.contact.moving_tables import Mesh
 from fastbeam.model.contact.sliders import SlidingContact
+from fastbeam.model.tables import TablePool
 from fastbeam.scene import (
     BallJoint,
     Beam,
@@ -108,8 +112,19 @@ def _is_end(node: Any) -> bool:
     return bool(node.index in (0, node.owner.n_nodes - 1))
 
 
-def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> Any:
-    """Return the model with the terms of its moving meshes and the velocities at the start."""
+def moving_tables(condensed: Condensed, ordered: Ordered) -> list[ElementTables]:
+    """Pack the element tables of beams whose elements move, in the order of their packers."""
+    row_of, out = ordered.blocks.pattern.row_of, []
+    at = sum(packer.n_blocks for packer in condensed.packers.values())
+    for packer in condensed.moving:
+        out.append(packer.tables(row_of, ordered.blocks.element[at:at + packer.n_blocks], TablePool()))
+        at += packer.n_blocks
+    return out
+
+
+def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[ElementTables]) -> Any:
+    """Return the model with the terms of its moving meshes and the velocities at the start; tables_of: of the elements of every
+    mesh, in the order of the beams of the scene."""
     if not meshes:
         return model
     numbers, number = model.numbers, {slider: k for k, slider in enumerate(scene.sliders)}
@@ -122,9 +137,11 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], blocks: Any) -> An
     following = Following(at, nodes, np.zeros((count, most, 12)), two, two, np.zeros((count, 6)), np.zeros((count, most)), pair,
                           two, np.ones(1))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
+    moved = {mesh.beam for mesh in meshes}
+    of_beam = dict(zip((beam for beam in scene.beams if beam in moved), tables_of, strict=True))
     for mesh in meshes:
         sliders = np.array([number[slider] for slider in mesh.sliders])
-        table = mesh.table(numbers, blocks, model.pattern.row_of, model.gravity, sliders, following)
+        table = mesh.table(numbers, of_beam[mesh.beam], model.gravity, sliders, following)
         table.place[0], table.place[3], table.first[0] = place, first + len(tables), first
         momenta = 12 * len(table.node) * table.mass_point.shape[1]
         for k, slider in enumerate(sliders):

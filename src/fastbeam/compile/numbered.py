@@ -1,7 +1,6 @@
 """First stage of the compiler: global numbers of all nodes, their connections, and the size of the scene."""
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import numpy as np
 from fastbeam.compile.initial import place_points
 from fastbeam.compile.links import Links
 from fastbeam.model.connections import NO_PAIRS, Connections, connect
-from fastbeam.model.contact.moving_tables import Mesh
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Scene
 
@@ -40,8 +38,8 @@ class Numbered:
         return np.union1d(self.links.touched, self.dragged)
 
 
-def number(scene: Scene, meshes: Sequence[Mesh] = ()) -> Numbered:
-    """Number the nodes of a scene; meshes: those that move with contacts. Raises SceneError: joints cannot be eliminated, or are
+def number(scene: Scene) -> Numbered:
+    """Number the nodes of a scene. Raises SceneError: joints cannot be eliminated, or are
     impossible at the places of their ends."""
     nodes = NodeList(scene)
     place_points(scene, nodes)
@@ -49,7 +47,7 @@ def number(scene: Scene, meshes: Sequence[Mesh] = ()) -> Numbered:
     joints, hinges, always, late, supported = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
     dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *scene.added_masses))])
-    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges, meshes), dragged, always, late, supported)
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late, supported)
 
 
 def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array, Array]:

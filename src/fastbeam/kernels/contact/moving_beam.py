@@ -7,7 +7,8 @@ with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, i
 
 The history keeps the momenta per reference length, m = h a - xr g at every point: T = 1/2 int rho m.m/h.
 
-Arrays: q, p_out [12 N], of the weight in a plane q [4 N]; s [*], places of all sliders; shape [2, points, n]; history [*]; out [9].
+Arrays: q, p_out [12 N], of the weight in a plane q [4 N]; s [*], places of all sliders; shape [2, points, n]; history [*]; out
+[9].
 """
 from __future__ import annotations
 
@@ -29,6 +30,7 @@ class MovingBeam(NamedTuple):
 
     strains: Any         # strain_measures.SimoReissner
     tables: ElementTables  # of groups of 8 elements; `tab` changes in every evaluation
+    inner: Any           # inner_nodes.Inner, or NoInner where no nodes are eliminated
     following: Following
     lane: np.ndarray     # int64 [8 G]: element of every lane; idle ones repeat the last
     node: np.ndarray     # int64 [E, n]
@@ -48,7 +50,7 @@ class MovingBeam(NamedTuple):
     weight: np.ndarray   # float64 [points]
     stiffness: np.ndarray  # float64 [6, 6]
     reference: np.ndarray  # float64 [6]: strains of the reference curve
-    rest: np.ndarray     # float64 [K, points, 6 or 3]: length times strains of an element with nodes on it, by powers of its length
+    rest: np.ndarray     # float64 [K, points, 6 or 3]: length times strains of an element with nodes on it, by powers of that
     rest_until: np.ndarray  # float64 [1]: length up to which that holds
     rest_slope: np.ndarray  # float64 [points, 6 or 3]: its derivative there, which it has beyond
     rho: np.ndarray      # float64 [4 or 2]: inertia of position and directors

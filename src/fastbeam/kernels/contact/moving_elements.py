@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space, add_lanes, moment, put_lanes, vector_lanes, zero_lanes, zero_moment
-from fastbeam.kernels.algebra.native import vld, vld3, vst, vst3, vzero
+from fastbeam.kernels.algebra.native import vld, vst, vst3, vzero
 from fastbeam.kernels.algebra.vectors import dot, smaller, triple
 from fastbeam.kernels.beams.motions import add_inertia, put_forms
 from fastbeam.kernels.beams.planar import Shape, planar_shapes
@@ -51,8 +51,8 @@ MOVING_STEP = MovingStep()
 
 
 class Moved(NamedTuple):
-    """Offsets of the numbers of a group that only moving elements have; n nodes with C coordinates and U unknowns, and P points of
-    the mass an element."""
+    """Offsets of the numbers of a group that only moving elements have; n nodes with C coordinates and U unknowns, and P points
+    of the mass an element."""
 
     first: int     # where they begin
     inertia: int   # forces of inertia and weight on the coordinates, n x C

@@ -14,6 +14,7 @@ from fastbeam.kernels.algebra.dimensions import Plane, Space, dim
 from fastbeam.kernels.algebra.lanes import gather_lanes
 from fastbeam.kernels.algebra.vectors import WIDTH, address, vld, vst
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
+from fastbeam.kernels.beams.inner_nodes import eliminate_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.contact.moving_beam import MovingBeam, density_place, ends_of, height_of
 from fastbeam.kernels.contact.moving_elements import (
@@ -33,6 +34,7 @@ from fastbeam.kernels.contact.moving_elements import (
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, layout
+from fastbeam.kernels.linalg.constraints import recover_elements, recover_inside
 from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, spread_nodes, within_limits
 
 # an element may shrink to this share of its length in a step
@@ -201,10 +203,11 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
             evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, points, h, dofs)
         evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
-    scatter_group(tables, k, at, 1, scratch, work.r, work.blocks, dofs)
     for lane in range(8):
         if 8 * k + lane < beam.node.shape[0]:
             scatter_ends(beam, 8 * k + lane, lane, scratch, at, x, dofs)
+    every = eliminate_group.call(beam.inner, tables, k, at, scratch, work.r, dofs)
+    scatter_group(tables, k, at, every, scratch, work.r, work.blocks, dofs)
 
 
 @kernel
@@ -280,6 +283,12 @@ def assemble_moving_at_rest(beam, method, system, h):
     for j in range(beam.slider.shape[0]):
         system.work.s_end[beam.slider[j]] = system.state.s[beam.slider[j]]
     assemble_moving(beam, method, system, 0.0)
+
+
+@recover_inside.register(MovingBeam)
+@kernel
+def recover_moving(beam, system):
+    recover_elements.call(beam.inner, beam.tables, system)
 
 
 @account.register(MovingBeam)

@@ -100,7 +100,7 @@ class Moving(Feature):
             tab = aligned(table.tables.tab.size)
             tab[:] = table.tables.tab
             yield Stand.MOVING, table._replace(scratch=aligned(table.scratch.size), tables=table.tables._replace(tab=tab),
-                                               following=following)
+                                               inner=run.inner or table.inner, following=following)
 
     def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
         """Return the factors of gravity in the steps of a span."""

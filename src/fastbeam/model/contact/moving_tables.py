@@ -11,19 +11,19 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import PLANE, SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.beams.inner_nodes import NoInner
 from fastbeam.kernels.beams.strain_measures import SIMO_REISSNER
 from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.kernels.contact.slider import Following
-from fastbeam.kernels.layout import BLOCKS, CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS, layout_of
+from fastbeam.kernels.layout import CONSTANTS, FACTORS, layout_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.plane import Plane, strain_maps
-from fastbeam.model.tables import TablePool, elements_of, group_tables, strains_of
+from fastbeam.model.tables import TablePool, strains_of
 from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import Beam, Slider
 from fastbeam.scene.interpolation.basis import Basis, build_basis
 
 Array = np.ndarray
-NO_SHAPE = np.zeros(0)
 # largest differences of reference strains along a beam with uniform strains
 UNIFORM = 1e-7
 # powers of the length by which strains of the reference are described
@@ -83,19 +83,12 @@ class Mesh:
         """Return the nodes of every element, int64 [E, p + 1]."""
         return np.asarray(numbers.start(self.beam) + self.beam.basis.element_nodes, np.int64)
 
-    def pairs(self, numbers: NodeList, root: Array) -> Array:
-        """Return the pairs of coupled nodes as i N + j."""
-        at, n = root[self.nodes(numbers)], len(numbers)
-        return np.asarray((at[:, :, None] * n + at[:, None, :]).reshape(-1))
-
-    def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array, sliders: Array,
-              following: Following) -> MovingBeam:
-        """Build the constants of the term; sliders: their numbers [S]. Places in the history and numbers of contacts are set
-        later."""
+    def table(self, numbers: NodeList, tables: ElementTables, gravity: Array, sliders: Array, following: Following) -> MovingBeam:
+        """Build the constants of the term; tables: of its elements; sliders: their numbers [S]. Places in the history and numbers
+        of contacts are set later."""
         beam, at = self.beam, self.nodes(numbers)
         n, p = beam.degree + 1, beam.degree
         unit: Basis = build_basis("lagrange", p, 1, 1.0)
-        block = blocks.between(*np.broadcast_arrays(at[:, :, None], at[:, None, :])).astype(np.int64)
         slot, share = self.slots()
         entry = np.full((len(at), 2, n), -1)
         for k, nodes in enumerate(self.around()):
@@ -106,14 +99,15 @@ class Mesh:
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
         reference, weight = self.reference - beam.start_strain, unit.weight[0].copy()
         return MovingBeam(
-            SIMO_REISSNER, self._tables(numbers, at, row_of, block, blocks), following, _lanes(len(at)), np.ascontiguousarray(at),
+            SIMO_REISSNER, tables, NoInner(), following, _lanes(len(at)), np.ascontiguousarray(at),
             entry, np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, sliders,
             np.zeros(1, np.int64), share, np.array((beam.length, SHORTEST * beam.length)),
             np.ascontiguousarray(np.stack((values, slopes))), np.stack((unit.mass_point_s[0], unit.mass_weight[0])),
             np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), edge, weight, np.array(section.C, dtype=float),
             reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
-            rho[0] * np.asarray(gravity, dtype=float), np.zeros((2, 12, 4)), scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+            rho[0] * np.asarray(gravity, dtype=float), np.zeros((2, 12, 4)),
+            scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
 
     def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
         """Describe length times strains of an element whose nodes lie on the reference, which its interpolation does not strain:
@@ -136,29 +130,6 @@ class Mesh:
         rest = np.concatenate((np.zeros((1, *shape)), fit.reshape(POWERS, *shape) / until**powers))
         return rest, np.array([until]), np.sum((powers + 1) * rest[1:] * until**powers, axis=0)
 
-    def _tables(self, numbers: NodeList, nodes: Array, row_of: Array, block: Array, blocks: Any) -> ElementTables:
-        """Pack the tables of the element loop: groups of 8 elements, each with constants of its own; nodes [E, n], block
-        [E, n, n]."""
-        elements = elements_of(self.beam, 0, NO_SHAPE, NO_SHAPE)
-        lane, n = _lanes(len(nodes)), nodes.shape[1]
-        groups = lane.size // 8
-        section = np.zeros((groups, 8), np.int64)
-        constants = group_tables(elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
-                                 elements.inertia[section].transpose(0, 2, 1))
-        live = (np.arange(lane.size) < len(nodes))[:, None]
-
-        def in_lanes(x: Array) -> Array:
-            return np.ascontiguousarray(x.reshape(groups, 8, -1).transpose(0, 2, 1)).astype(np.int64).reshape(-1)
-
-        k, pool = np.arange(groups), TablePool()
-        meta = np.zeros((groups, 8), np.int64)
-        meta[:, NODES], meta[:, POINTS], meta[:, FACTORS] = n, elements.weight.shape[1], -1
-        meta[:, CONSTANTS], meta[:, LIST], meta[:, BLOCKS] = pool.append(constants), 8 * n * k, 8 * n * n * k
-        meta[:, COUPLED] = bool(elements.coupled.any())
-        rows = np.where(live, row_of[nodes[lane]], row_of.size)
-        return ElementTables(meta, pool.array(), in_lanes(nodes[lane]), in_lanes(rows),
-                             in_lanes(np.where(live, block[lane].reshape(lane.size, -1), blocks.n_blocks)))
-
 
 def table_in_plane(table: MovingBeam, plane: Plane) -> MovingBeam:
     """Return the term of a beam for nodes with 3 unknowns in a plane, in which it lies and stays."""
@@ -174,6 +145,8 @@ def table_in_plane(table: MovingBeam, plane: Plane) -> MovingBeam:
         inertia, behind = of[space.inertia // 8:space.masses // 8], of[space.masses // 8:]
         rows = np.concatenate((C, of[36:space.inertia // 8], inertia[:1], shares @ inertia[1:], behind), axis=None)
         meta[k, CONSTANTS] = pool.append(rows[None])[0]
+    # where they stand is scaled as in `planar._inner`
+    meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
     rho = np.array((table.rho[0], shares @ table.rho[2:]))
     to_space, to_plane = np.zeros((12, 4)), np.zeros((12, 4))
     to_space[:3, :2] = to_plane[:3, :2] = plane.axes[:2].T
