@@ -131,11 +131,11 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
     every = [slider for mesh in meshes for slider in mesh.sliders]
     around = [nodes + numbers.start(mesh.beam) for mesh in meshes for nodes in mesh.around()]
     count, most = len(every), max(x.size for x in around)
-    at, nodes, pairs = np.full((len(scene.sliders), 3), -1), np.full((count, most), -1), []
+    at, nodes, pairs = np.full((len(scene.sliders), 4), -1), np.full((count, most), -1), []
     pair = np.full(count, -1)
     two = np.zeros((count, 2))
-    following = Following(at, nodes, np.zeros((count, most, 12)), two, two, np.zeros((count, 6)), np.zeros((count, most)), pair,
-                          two, np.ones(1))
+    following = Following(at, nodes, np.zeros((count, most, 12)), np.zeros((count, 3)), two, np.zeros((count, 6)),
+                          np.zeros((count, most)), pair, two, np.ones(1), np.zeros(1, np.int64))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
     moved = {mesh.beam for mesh in meshes}
     of_beam = dict(zip((beam for beam in scene.beams if beam in moved), tables_of, strict=True))
@@ -145,7 +145,7 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
         table.place[0], table.place[3], table.first[0] = place, first + len(tables), first
         momenta = 12 * len(table.node) * table.mass_point.shape[1]
         for k, slider in enumerate(sliders):
-            at[slider] = first + k, mesh.contacts[k], place + momenta + k
+            at[slider, :3] = first + k, mesh.contacts[k], place + momenta + k
             if k + 1 < sliders.size:
                 pair[first + k] = len(model.sleeve_pairs) + len(pairs)
                 pairs.append((slider, sliders[k + 1]))

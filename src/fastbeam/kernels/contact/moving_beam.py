@@ -57,6 +57,8 @@ class MovingBeam(NamedTuple):
     weighs: np.ndarray   # float64 [3 or 2]: rhoA times gravity
     within: np.ndarray   # float64 [2, 12, 4], in a plane: momenta of its coordinates by those in the history, and these by them
     scratch: np.ndarray  # float64 [*]: `moving_elements.Moved` of a group
+    carried: np.ndarray  # float64 [*]: motion of the inner nodes of all groups with the places behind and ahead while element
+    #                      ends stay, where they are eliminated from the border
 
 
 @kernel

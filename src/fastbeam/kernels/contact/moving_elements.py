@@ -37,8 +37,8 @@ from fastbeam.kernels.terms import Conserving
 # numbers of an element behind its scratch of the element loop: lengths at both ends of the step, mean rates of both its ends, and
 # the shares of the place ahead in these; forces on the places behind and ahead, and the part on the length of the element; their
 # derivatives by these places; the weight by length; the position of the first node in the middle of the step, from which those of
-# all nodes count
-LENGTHS, RATES, SHARES, FORCES, STRETCH, CORNER, WEIGHT, BASE, INERTIA = 0, 16, 32, 48, 64, 72, 104, 128, 152
+# all nodes count; what both forces gain as inner nodes move under their own residual
+LENGTHS, RATES, SHARES, FORCES, STRETCH, CORNER, WEIGHT, BASE, GAIN, INERTIA = 0, 16, 32, 48, 64, 72, 104, 128, 152, 168
 # of a point, behind six strains of the reference with the length at the start of the step, what `put_rest` stores
 REST_1, REST_SLOPE, REST_DIVIDED, REST_BEND, RESTS = 48, 96, 144, 192, 240
 

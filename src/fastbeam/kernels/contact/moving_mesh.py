@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from fastbeam.kernels.algebra.blocks import FOUR, THREE, TWELVE, TWO
+from fastbeam.kernels.algebra.blocks import FOUR, ONE, THREE, TWELVE, TWO, solve_lanes, subtract_lanes
 from fastbeam.kernels.algebra.dimensions import Plane, Space, dim
-from fastbeam.kernels.algebra.lanes import gather_lanes
+from fastbeam.kernels.algebra.lanes import copy_lanes, gather_lanes, put_rows
 from fastbeam.kernels.algebra.vectors import WIDTH, address, vld, vst
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
-from fastbeam.kernels.beams.inner_nodes import eliminate_group
+from fastbeam.kernels.beams.inner_nodes import Inner, NoInner, eliminate_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.contact.moving_beam import MovingBeam, density_place, ends_of, height_of
 from fastbeam.kernels.contact.moving_elements import (
     BASE,
     CORNER,
     FORCES,
+    GAIN,
     LENGTHS,
     MOVING_STEP,
     RATES,
@@ -31,9 +32,10 @@ from fastbeam.kernels.contact.moving_elements import (
     moved,
     put_momenta,
 )
+from fastbeam.kernels.contact.slider import UNKNOWN
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, layout
+from fastbeam.kernels.layout import CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS, layout
 from fastbeam.kernels.linalg.constraints import recover_elements, recover_inside
 from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, spread_nodes, within_limits
 
@@ -66,6 +68,7 @@ def put_ends(beam, k, scratch, x, state, work, h):
         for side in range(2):
             f = beam.share[e, side]
             scratch[o + SHARES + 8 * side] = f
+            scratch[o + GAIN + 8 * side] = 0.0
             scratch[o + RATES + 8 * side] = (1.0 - f) * behind + f * ahead
 
 
@@ -203,11 +206,81 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
             evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, points, h, dofs)
         evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
+    every = eliminate_group.call(beam.inner, tables, k, at, scratch, work.r, dofs)
+    condense_border.call(beam.inner, beam, k, at, x, dofs)
     for lane in range(8):
         if 8 * k + lane < beam.node.shape[0]:
             scatter_ends(beam, 8 * k + lane, lane, scratch, at, x, dofs)
-    every = eliminate_group.call(beam.inner, tables, k, at, scratch, work.r, dofs)
     scatter_group(tables, k, at, every, scratch, work.r, work.blocks, dofs)
+
+
+@generic
+def condense_border(inner, beam, k, at, x, dofs):
+    """Eliminate the inner nodes of group k from the derivatives that belong to places of contacts, as `constraint_entries` does
+    for other constraints, if `Following.condensed` says so."""
+
+
+@condense_border.register(NoInner)
+@inlined
+def condense_no_border(inner, beam, k, at, x, dofs):
+    pass
+
+
+@condense_border.register(Inner)
+@separate
+def condense_border_of_group(inner, beam, k, at, x, dofs):
+    scratch, store = beam.scratch, inner.store
+    if beam.following.condensed[0] == 0:
+        return
+    n = len(dofs)
+    row, block, size = 8 * n, 8 * n * n, x.unknowns * at.nn
+    lu = beam.tables.meta[k, FACTORS]
+    for i in range(1, at.nn - 1):
+        others = at.nn - i
+        for side in range(2):
+            column = x.rows + size * side
+            solve_lanes(store, lu, scratch, column + row * i, 8, scratch, column + row * i, 8, dofs)
+            for m in range(others):
+                j = i + 1 + m if m < others - 1 else 0
+                subtract_lanes(store, lu + block * (2 + 2 * m), scratch, column + row * i, scratch, column + row * j, ONE, dofs)
+        for side in range(2):
+            carry_forces(scratch, at, x, i, side, block, row)
+            line = x.rows + size * (2 + side)
+            for m in range(others):
+                j = i + 1 + m if m < others - 1 else 0
+                subtract_transposed(scratch, line + row * i, store, lu + block * (1 + 2 * m), line + row * j, n)
+            to = row * (2 * ((at.nn - 2) * k + i - 1) + side)
+            copy_lanes(scratch, x.rows + size * side + row * i, row, beam.carried, to)
+        lu += block * (1 + 2 * others)
+
+
+@inlined
+def carry_forces(scratch, at, x, i, side, block, row):
+    """Subtract from the force on a place, and from its derivatives by both, what they owe to inner node i of 8 elements."""
+    size = x.unknowns * at.nn
+    line = x.rows + size * (2 + side) + row * i
+    # the solution of the residual, in place of the diagonal block
+    own = at.blocks + block * (at.nn * i + i)
+    gain = vld(scratch, x.first + GAIN + 8 * side, 0)
+    for c in range(0, row, 8):
+        gain -= vld(scratch, line + c, 0) * vld(scratch, own + c, 0)
+    vst(scratch, x.first + GAIN + 8 * side, 0, gain)
+    for other in range(2):
+        o = x.first + CORNER + 16 * side + 8 * other
+        corner = vld(scratch, o, 0)
+        for c in range(0, row, 8):
+            corner -= vld(scratch, line + c, 0) * vld(scratch, x.rows + size * other + row * i + c, 0)
+        vst(scratch, o, 0, corner)
+
+
+@inlined
+def subtract_transposed(scratch, line, store, upper, to, n):
+    """Subtract the product of n lanes and n rows of n lanes from n lanes of 8 elements."""
+    for c in range(n):
+        z = vld(scratch, to + 8 * c, 0)
+        for a in range(n):
+            z -= vld(scratch, line + 8 * a, 0) * vld(store, upper + 8 * (n * a + c), 0)
+        vst(scratch, to + 8 * c, 0, z)
 
 
 @kernel
@@ -216,13 +289,14 @@ def scatter_ends(beam, e, lane, scratch, at, x, dofs):
     n = len(dofs)
     size = x.unknowns * at.nn
     following = beam.following
+    every = at.nn - 1 if following.condensed[0] != 0 else 1
     for side in range(2):
         if beam.slot[e, side] < 0:
             continue
         f = beam.first[0] + beam.slot[e, side]
         column = x.rows + size * side + lane
         line = column + 2 * size
-        for a in range(at.nn):
+        for a in range(0, at.nn, every):
             border = following.border[f, beam.entry[e, side, a]]
             for c in range(n):
                 border[c] += scratch[column + x.unknowns * a + 8 * c]
@@ -230,6 +304,7 @@ def scatter_ends(beam, e, lane, scratch, at, x, dofs):
         corner = x.first + CORNER + 16 * side + lane
         following.pull[f, 0] += scratch[x.first + FORCES + 8 * side + lane]
         following.pull[f, 1] += scratch[corner + 8 * side]
+        following.pull[f, 2] += scratch[x.first + GAIN + 8 * side + lane]
         if beam.slot[e, 1 - side] >= 0:
             # the contact behind has the number `side` = 0
             following.cross[f - side, side] += scratch[corner + 8 * (1 - side)]
@@ -258,7 +333,7 @@ def clear_contacts(beam):
     """Set what `scatter_ends` adds up to zero."""
     following, first = beam.following, beam.first[0]
     for f in range(first, first + beam.slider.shape[0]):
-        following.pull[f, 0] = following.pull[f, 1] = 0.0
+        following.pull[f, 0] = following.pull[f, 1] = following.pull[f, 2] = 0.0
         following.cross[f, 0] = following.cross[f, 1] = 0.0
         for c in range(6):
             following.tangent[f, c] = 0.0
@@ -288,7 +363,33 @@ def assemble_moving_at_rest(beam, method, system, h):
 @recover_inside.register(MovingBeam)
 @kernel
 def recover_moving(beam, system):
+    if beam.following.condensed[0] != 0:
+        for k in range(beam.tables.meta.shape[0]):
+            follow_places(beam, k, system.work, system.dofs)
     recover_elements.call(beam.inner, beam.tables, system)
+
+
+@kernel
+def follow_places(beam, k, work, dofs):
+    """Add to increments of inner nodes of group k what they owe to those of the places of contacts."""
+    tables, scratch, x_out = beam.tables, beam.scratch, work.increment.x
+    n, nn = len(dofs), tables.meta[k, NODES]
+    row = 8 * n
+    for lane in range(8):
+        for side in range(2):
+            contact = beam.slot[beam.lane[8 * k + lane], side]
+            z = 0.0
+            if contact >= 0:
+                z = work.y[beam.following.at[beam.slider[contact], UNKNOWN]]
+            scratch[8 * side + lane] = z
+    for i in range(1, nn - 1):
+        no = tables.meta[k, LIST] + 8 * i
+        gather_lanes(x_out, tables.rows, no, 8, scratch, 16, dofs)
+        first = row * 2 * ((nn - 2) * k + i - 1)
+        for c in range(0, row, 8):
+            y = vld(scratch, 16 + c, 0) - vld(beam.carried, first + c, 0) * vld(scratch, 0, 0)
+            vst(scratch, 16 + c, 0, y - vld(beam.carried, first + row + c, 0) * vld(scratch, 8, 0))
+        put_rows(scratch, 16, tables.rows, no, 8, 0, x_out, dofs)
 
 
 @account.register(MovingBeam)

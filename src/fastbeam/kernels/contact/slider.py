@@ -63,26 +63,31 @@ class Following(NamedTuple):
     their terms share with those of the beams. A row of `border` has the derivatives of the force and the moment on a node by the
     place of a contact, and those of the force on this place by the position and the spin of the node."""
 
-    at: np.ndarray       # int64 [S, 3]: number among these, node counted along the curve, place of ds/dt in the history; or -1
-    nodes: np.ndarray    # int64 [F, M]: nodes of the elements on both sides of a contact, or -1
+    at: np.ndarray       # int64 [S, 4]: number among these, node counted along the curve, place of ds/dt in the history, that of
+    #                      the increment of s among the unknowns of constraints; or -1
+    nodes: np.ndarray    # int64 [F, M]: nodes of the elements on both sides of a contact, element ends first, or -1; where the
+    #                      element loop eliminates inner nodes from the border, too, element ends alone
     border: np.ndarray   # float64 [F, M, 12]
-    pull: np.ndarray     # float64 [F, 2]: force of the beam on the place, N, and its derivative by the place at the end
+    pull: np.ndarray     # float64 [F, 3]: force of the beam on the place, N, its derivative by the place at the end, and what it
+    #                      gains as inner nodes move under their own residual
     cross: np.ndarray    # float64 [F, 2]: derivatives of that force by the place of the next contact, and of that on the next
     tangent: np.ndarray  # float64 [F, 6]: tangent T of the step, a mean of both sides, and its derivative by the place at the end
     slope: np.ndarray    # float64 [F, M]: derivative of that by the positions of the nodes at the end
     pair: np.ndarray     # int64 [F]: number in `Contact.pair` of the pair of a contact and the next on its beam, or -1
     way: np.ndarray      # float64 [F, 2]: increments of the places in the step, and in the last iteration, m
     gravity: np.ndarray  # float64 [1]: factor of gravity on their beams
+    condensed: np.ndarray  # int64 [1]: 1 where inner nodes are eliminated from the border
 
 
 def no_following(sliders: int) -> Following:
     """Return the record of sliders on meshes that stand."""
-    return Following(np.full((sliders, 3), -1), np.zeros((0, 1), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 2)),
-                     np.zeros((0, 2)), np.zeros((0, 6)), np.zeros((0, 1)), np.zeros(0, np.int64), np.zeros((0, 2)), np.ones(1))
+    return Following(np.full((sliders, 4), -1), np.zeros((0, 1), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 3)),
+                     np.zeros((0, 2)), np.zeros((0, 6)), np.zeros((0, 1)), np.zeros(0, np.int64), np.zeros((0, 2)), np.ones(1),
+                     np.zeros(1, np.int64))
 
 
 # columns of `Following.at`
-NUMBER, NODE, RATE = range(3)
+NUMBER, NODE, RATE, UNKNOWN = range(4)
 
 
 class Sliders(NamedTuple):
@@ -405,6 +410,7 @@ def add_slider(along, term, system, k):
     by_force, sliding = law.tangent, dot(slide, way.t1) + dot(back, way.t0) + law.rest
     if follows >= 0:
         by_force, sliding = law.tangent - law.share * tangent, dot(law.force, tangent) + law.rest
+        sliding += law.share * term.sliders.following.pull[follows, 2]
         by_s += law.share * term.sliders.following.pull[follows, 1]
         by_s += dot(law.force - law.share * f, vector(term.sliders.following.tangent[follows], 3, 1, dofs))
     put_corner.call(contact, k, way.end_s, 0.5 * way.mean_s, by_force, by_s, dofs)
@@ -462,7 +468,7 @@ def pull_at_end(term, system, k):
     iteration. It has the round-off of the forces on nodes, which does no work with them."""
     following, x, dofs = term.sliders.following, system.work.increment.x, system.dofs
     f = following.at[k, NUMBER]
-    out = following.pull[f, 0] + following.pull[f, 1] * following.way[f, 1]
+    out = following.pull[f, 0] + following.pull[f, 2] + following.pull[f, 1] * following.way[f, 1]
     if following.pair[f] >= 0:
         out += following.cross[f, 0] * following.way[f + 1, 1]
     if f > 0 and following.pair[f - 1] >= 0:

@@ -10,8 +10,9 @@ import numpy as np
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.moving_beam import MovingGravity, energy_of_moving, height_of, momentum_sums, motion_of
-from fastbeam.kernels.contact.slider import RATE, Following
+from fastbeam.kernels.contact.slider import RATE, UNKNOWN, Following
 from fastbeam.kernels.energies import STRAIN
+from fastbeam.kernels.layout import FACTORS
 from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates, table_in_plane, ways_of
@@ -83,10 +84,20 @@ class Moving(Feature):
     # --- in a run -----------------------------------------------------------------------------------------------------
     def work(self, model: Any, plane: Any, static: bool) -> Following:
         """Allocate the numbers of contacts that terms of one run share."""
-        of = self.following
-        return of._replace(border=np.zeros_like(of.border), pull=np.zeros_like(of.pull), cross=np.zeros_like(of.cross),
-                           tangent=np.zeros_like(of.tangent), slope=np.zeros_like(of.slope),
-                           way=np.zeros_like(of.way), gravity=np.ones(1))
+        of, nodes, at = self.following, self.following.nodes, self.following.at.copy()
+        at[self.sliders, UNKNOWN] = (np.cumsum(model.unknowns) - model.unknowns)[self.sliders] + model.dim
+        condensed = self._is_condensed(model)
+        if condensed:
+            inner = np.concatenate([table.node[:, 1:-1].reshape(-1) for table in self.tables])
+            nodes = np.where(np.isin(nodes, inner), -1, nodes)
+        empty = {key: np.zeros_like(getattr(of, key)) for key in ("border", "pull", "cross", "tangent", "slope", "way")}
+        return of._replace(at=at, nodes=nodes, condensed=np.array([condensed], np.int64), gravity=np.ones(1), **empty)
+
+    def _is_condensed(self, model: Any) -> bool:
+        """Return whether inner nodes of all moving elements are eliminated from the border. The normal force of friction has
+        derivatives by inner nodes, which follow after that."""
+        rubs = model.slider_forces is not None and bool(np.any(model.slider_forces.tables.friction[self.sliders] > 0.0))
+        return model.by_rows and not rubs and all(bool(np.all(table.tables.meta[:, FACTORS] >= 0)) for table in self.tables)
 
     @property
     def alone(self) -> Following:
@@ -99,8 +110,9 @@ class Moving(Feature):
         for table in self.tables:
             tab = aligned(table.tables.tab.size)
             tab[:] = table.tables.tab
-            yield Stand.MOVING, table._replace(scratch=aligned(table.scratch.size), tables=table.tables._replace(tab=tab),
-                                               inner=run.inner or table.inner, following=following)
+            yield Stand.MOVING, table._replace(scratch=aligned(table.scratch.size), carried=aligned(table.carried.size),
+                                               tables=table.tables._replace(tab=tab), inner=run.inner or table.inner,
+                                               following=following)
 
     def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
         """Return the factors of gravity in the steps of a span."""

@@ -75,9 +75,11 @@ class Mesh:
         return out
 
     def around(self) -> list[Array]:
-        """Return the nodes of the elements between every contact and its neighbours, counted along the beam."""
+        """Return the nodes of the elements between every contact and its neighbours, counted along the beam, element ends
+        first."""
         nodes, (slot, _) = self.beam.basis.element_nodes, self.slots()
-        return [np.unique(nodes[(slot == k).any(axis=1)]) for k in range(len(self.end))]
+        found = [np.unique(nodes[(slot == k).any(axis=1)]) for k in range(len(self.end))]
+        return [some[np.argsort(some % self.beam.degree != 0, kind="stable")] for some in found]
 
     def nodes(self, numbers: NodeList) -> Array:
         """Return the nodes of every element, int64 [E, p + 1]."""
@@ -93,7 +95,7 @@ class Mesh:
         entry = np.full((len(at), 2, n), -1)
         for k, nodes in enumerate(self.around()):
             e, side = np.nonzero(slot == k)
-            entry[e, side] = np.searchsorted(nodes, beam.basis.element_nodes[e])
+            entry[e, side] = np.argsort(nodes)[np.searchsorted(np.sort(nodes), beam.basis.element_nodes[e])]
         _, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
         section, edge = beam.section, unit.curve("own").evaluate(np.array((0.0, 1.0)))[2]
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
@@ -107,7 +109,7 @@ class Mesh:
             reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
             rho[0] * np.asarray(gravity, dtype=float), np.zeros((2, 12, 4)),
-            scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]))
+            scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]), np.zeros(len(tables.meta) * 2 * (n - 2) * 48))
 
     def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
         """Describe length times strains of an element whose nodes lie on the reference, which its interpolation does not strain:
