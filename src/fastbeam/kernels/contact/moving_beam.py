@@ -35,7 +35,8 @@ class MovingBeam(NamedTuple):
     lane: np.ndarray     # int64 [8 G]: element of every lane; idle ones repeat the last
     node: np.ndarray     # int64 [E, n]
     entry: np.ndarray    # int64 [E, 2, n]: numbers of the nodes among those of the contact behind, and of that ahead
-    place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these.
+    place: np.ndarray    # int64 [5]: of the momenta in the history, first node, nodes; contacts and ends of beams before these;
+    # in a plane the first number of the director with inertia among those of a point.
     # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them ds/dt of the contacts
     # [S], and the work of the weight
     slot: np.ndarray     # int64 [E, 2]: contacts that elements lie between, or -1
@@ -55,7 +56,8 @@ class MovingBeam(NamedTuple):
     rest_slope: np.ndarray  # float64 [points, 6 or 3]: its derivative there, which it has beyond
     rho: np.ndarray      # float64 [4 or 2]: inertia of position and directors
     weighs: np.ndarray   # float64 [3 or 2]: rhoA times gravity
-    within: np.ndarray   # float64 [2, 12, 4], in a plane: momenta of its coordinates by those in the history, and these by them
+    within: np.ndarray   # float64 [36], in a plane: four vectors whose products with the momenta of position and director in the
+    #                      history are those of its coordinates, then, of every vector of the history, two by which it follows
     scratch: np.ndarray  # float64 [*]: `moving_elements.Moved` of a group
     carried: np.ndarray  # float64 [*]: motion of the inner nodes of all groups with the places behind and ahead while element
     #                      ends stay, where they are eliminated from the border

@@ -475,18 +475,56 @@ def share_out(scratch, x, first, second):
     vst(scratch, second, 0, f0 * a + f1 * b)
 
 
+@generic
+def evaluate_ends(dofs, beam, method, strains, tab, coupled, scratch, at, points, h):
+    """Run `evaluate_ends_at` in code that the compiler treats as it treats that of `evaluate_lanes`; points: those of the mass.
+    Stresses of both must not differ in round-off: it would do work in every step."""
+
+
+@evaluate_ends.register(Space)
+@inlined
+def evaluate_ends_in_space(dofs, beam, method, strains, tab, coupled, scratch, at, points, h):
+    evaluate_any_ends(beam, method, strains, tab, coupled, scratch, at, points, h, dofs)
+
+
+@evaluate_ends.register(Plane)
+@inlined
+def evaluate_ends_in_plane(dofs, beam, method, strains, tab, coupled, scratch, at, points, h):
+    if at.nn == 2 and at.nq == 1:
+        evaluate_linear_ends(beam, method, strains, tab, coupled, scratch, points, h, dofs)
+    elif at.nn == 3 and at.nq == 2:
+        evaluate_quadratic_ends(beam, method, strains, tab, coupled, scratch, points, h, dofs)
+    elif at.nn == 4 and at.nq == 3:
+        evaluate_cubic_ends(beam, method, strains, tab, coupled, scratch, points, h, dofs)
+    else:
+        evaluate_any_ends(beam, method, strains, tab, coupled, scratch, at, points, h, dofs)
+
+
 @separate
-def evaluate_ends(beam, method, strains, tab, coupled, scratch, at, points, h, dofs):
-    """Run `evaluate_ends_at` for any numbers of nodes and points; points: those of the mass."""
+def evaluate_any_ends(beam, method, strains, tab, coupled, scratch, at, points, h, dofs):
+    """Run `evaluate_ends_at` for any numbers of nodes and points."""
     evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, points, dofs), points, h, dofs)
 
 
 @separate
-def evaluate_cubic_ends(beam, method, strains, tab, coupled, scratch, h, dofs):
-    """Run `evaluate_ends_at` for 4 nodes and 3 points, 4 of the mass: lengths of loops and offsets are known when it is
-    compiled."""
+def evaluate_linear_ends(beam, method, strains, tab, coupled, scratch, points, h, dofs):
+    """Run `evaluate_ends_at` for 2 nodes and 1 point: lengths of loops and offsets are known when it is compiled."""
+    at = layout(dofs, 2, 1)
+    evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, points, dofs), points, h, dofs)
+
+
+@separate
+def evaluate_quadratic_ends(beam, method, strains, tab, coupled, scratch, points, h, dofs):
+    """Run `evaluate_ends_at` for 3 nodes and 2 points."""
+    at = layout(dofs, 3, 2)
+    evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, points, dofs), points, h, dofs)
+
+
+@separate
+def evaluate_cubic_ends(beam, method, strains, tab, coupled, scratch, points, h, dofs):
+    """Run `evaluate_ends_at` for 4 nodes and 3 points."""
     at = layout(dofs, 4, 3)
-    evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, 4, dofs), 4, h, dofs)
+    evaluate_ends_at(beam, method, strains, tab, coupled, scratch, at, moved(at, points, dofs), points, h, dofs)
 
 
 @inlined

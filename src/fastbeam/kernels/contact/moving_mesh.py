@@ -12,7 +12,7 @@ import numpy as np
 from fastbeam.kernels.algebra.blocks import FOUR, ONE, THREE, TWELVE, TWO, solve_lanes, subtract_lanes
 from fastbeam.kernels.algebra.dimensions import Plane, Space, dim
 from fastbeam.kernels.algebra.lanes import copy_lanes, gather_lanes, put_rows
-from fastbeam.kernels.algebra.vectors import WIDTH, address, vld, vst
+from fastbeam.kernels.algebra.vectors import WIDTH, address, dot, ld3, st3, vld, vst
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
 from fastbeam.kernels.beams.inner_nodes import Inner, NoInner, eliminate_group
 from fastbeam.kernels.beams.motions import motion
@@ -27,7 +27,6 @@ from fastbeam.kernels.contact.moving_elements import (
     RATES,
     SHARES,
     WEIGHT,
-    evaluate_cubic_ends,
     evaluate_ends,
     moved,
     put_momenta,
@@ -125,13 +124,15 @@ def gather_momenta_in_space(dofs, beam, k, points, g, history, scratch, to):
 @gather_momenta.register(Plane)
 @inlined
 def gather_momenta_in_plane(dofs, beam, k, points, g, history, scratch, to):
+    within, inert = beam.within, beam.place[4]
     for lane in range(8):
         first = beam.place[0] + 12 * (points * beam.lane[8 * k + lane] + g)
-        for c in range(4):
-            y = 0.0
-            for i in range(12):
-                y += beam.within[0, i, c] * history[first + i]
-            scratch[to + 32 * g + 8 * c + lane] = y
+        o = to + 32 * g + lane
+        position = ld3(history, first, 1)
+        director = ld3(history, first + inert, 1)
+        for c in range(2):
+            scratch[o + 8 * c] = dot(ld3(within, 3 * c, 1), position)
+            scratch[o + 16 + 8 * c] = dot(ld3(within, 6 + 3 * c, 1), director)
 
 
 @keep_momenta.register(Space)
@@ -146,11 +147,11 @@ def keep_momenta_in_space(dofs, beam, points, e, g, lane, scratch, momenta, hist
 @inlined
 def keep_momenta_in_plane(dofs, beam, points, e, g, lane, scratch, momenta, history):
     first = beam.place[0] + 12 * (points * e + g)
-    for i in range(12):
-        y = 0.0
-        for c in range(4):
-            y += beam.within[1, i, c] * scratch[momenta + 32 * g + 8 * c + lane]
-        history[first + i] = y
+    o = momenta + 32 * g + lane
+    for d in range(4):
+        own = o if d == 0 else o + 16
+        x = scratch[own] * ld3(beam.within, 12 + 6 * d, 1) + scratch[own + 8] * ld3(beam.within, 15 + 6 * d, 1)
+        st3(history, first + 3 * d, 1, x)
 
 
 @kernel
@@ -200,10 +201,7 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
     for lane in range(0, 8, WIDTH):
         tab = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
         of_lanes = address(scratch, lane)
-        if at.nn == 4 and at.nq == 3 and points == 4:
-            evaluate_cubic_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, h, dofs)
-        else:
-            evaluate_ends(beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, points, h, dofs)
+        evaluate_ends.call(dofs, beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, points, h)
         evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
     every = eliminate_group.call(beam.inner, tables, k, at, scratch, work.r, dofs)
@@ -366,7 +364,7 @@ def recover_moving(beam, system):
     if beam.following.condensed[0] != 0:
         for k in range(beam.tables.meta.shape[0]):
             follow_places(beam, k, system.work, system.dofs)
-    recover_elements.call(beam.inner, beam.tables, system)
+    recover_elements.call(beam.inner, beam.tables, system, beam.scratch)
 
 
 @kernel

@@ -138,26 +138,26 @@ def recover_inside(term, system):
 
 
 @generic
-def recover_elements(inner, tables, system):
-    """Recover increments of nodes inside all elements with one strain set."""
+def recover_elements(inner, tables, system, scratch):
+    """Recover increments of nodes inside all elements of some tables."""
 
 
 @recover_elements.register(NoInner)
 @kernel
-def recover_no_elements(inner, tables, system):
+def recover_no_elements(inner, tables, system, scratch):
     pass
 
 
 @recover_elements.register(Inner)
 @kernel
-def recover_all_elements(inner, tables, system):
-    recover_inner_rows(tables, inner, system.work.increment.x, system.work.scratch, system.dofs)
+def recover_all_elements(inner, tables, system, scratch):
+    recover_inner_rows(tables, inner, system.work.increment.x, scratch, system.dofs)
 
 
 @recover_inside.register(Beams)
 @kernel
 def recover_beams(beams, system):
-    recover_elements.call(beams.inner, beams.tables, system)
+    recover_elements.call(beams.inner, beams.tables, system, system.work.scratch)
 
 
 @fill.register(ContactInRows)

@@ -102,13 +102,13 @@ class Mesh:
         reference, weight = self.reference - beam.start_strain, unit.weight[0].copy()
         return MovingBeam(
             SIMO_REISSNER, tables, NoInner(), following, _lanes(len(at)), np.ascontiguousarray(at),
-            entry, np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, sliders,
+            entry, np.array((0, numbers.start(beam), beam.n_nodes, 0, 0), np.int64), slot, sliders,
             np.zeros(1, np.int64), share, np.array((beam.length, SHORTEST * beam.length)),
             np.ascontiguousarray(np.stack((values, slopes))), np.stack((unit.mass_point_s[0], unit.mass_weight[0])),
             np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))), edge, weight, np.array(section.C, dtype=float),
             reference,
             *self._rest(unit, float(np.max(share[:, 1] - share[:, 0])) * beam.length), rho,
-            rho[0] * np.asarray(gravity, dtype=float), np.zeros((2, 12, 4)),
+            rho[0] * np.asarray(gravity, dtype=float), np.zeros(36),
             scratch_of_moving(n, weight.size, unit.mass_weight.shape[1]), np.zeros(len(tables.meta) * 2 * (n - 2) * 48))
 
     def _rest(self, unit: Basis, longest: float) -> tuple[Array, Array, Array]:
@@ -150,18 +150,17 @@ def table_in_plane(table: MovingBeam, plane: Plane) -> MovingBeam:
     # where they stand is scaled as in `planar._inner`
     meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
     rho = np.array((table.rho[0], shares @ table.rho[2:]))
-    to_space, to_plane = np.zeros((12, 4)), np.zeros((12, 4))
-    to_space[:3, :2] = to_plane[:3, :2] = plane.axes[:2].T
-    inert = [i for i in (1, 2) if table.rho[1 + i] != 0.0]
-    for i in inert:
-        turned = plane.factor[first, i] * np.array((1.0, 1j))
-        to_space[3 + 3 * i:6 + 3 * i, 2:] = plane.axes[:2].T @ np.stack((turned.real, turned.imag))
-    for i in sorted(inert, key=lambda i: -abs(plane.factor[first, i]))[:1]:
-        to_plane[3 + 3 * i:6 + 3 * i, 2:] = np.linalg.pinv(to_space[3 + 3 * i:6 + 3 * i, 2:]).T
+    # vectors of the history by coordinates of the plane, a + i b by those along x and y
+    turned = np.concatenate(((1.0,), plane.factor[first] * (table.rho[1:] != 0.0)))[:, None] * np.array((1.0, 1j))
+    to_space = np.stack((turned.real, turned.imag), axis=2) @ plane.axes[:2]
+    place = table.place.copy()
+    inert = 1 + int(np.argmax(np.abs(turned[1:, 0])))
+    place[4] = 3 * inert
+    to_plane = np.concatenate((to_space[0], np.linalg.pinv(to_space[inert]).T))
     assert rows.size == flat.table_size
     return table._replace(tables=table.tables._replace(meta=meta, tab=pool.array()), rest=table.rest @ within,
                           rest_slope=table.rest_slope @ within, rho=rho, weighs=plane.axes[:2] @ table.weighs,
-                          within=np.stack((to_plane, to_space)))
+                          place=place, within=np.concatenate((to_plane, to_space), axis=None))
 
 
 def _lanes(elements: int) -> Array:
