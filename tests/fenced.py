@@ -41,6 +41,18 @@ def fenced(at_end: bool) -> Any:
     return zeros
 
 
+def rail(degree: int) -> Any:
+    """A mass that slides along a beam whose elements move with it."""
+    import fastbeam as fb
+    ends = np.concatenate((np.linspace(0.0, 0.5, 4)[:-1], np.linspace(0.5, 2.0, 8)))
+    beam = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.01, E=2e10, rho=2e3), elements=ends,
+                            degree=degree)
+    mass = fb.PointMass("mass", mass=0.5, position=(0.5, 0, 0), velocity=(1.2, 0, 0))
+    slider = fb.Slider("run", mass, beam, at=0.5, rate=1.2)
+    return fb.Scene(beam, mass, fb.Clamp(beam.start), fb.Clamp(beam.end), slider, fb.MovingMesh(beam, slider),
+                    gravity=(0, 0, -9.81))
+
+
 def main(side: str) -> None:
     """Some steps of scenes of many kinds, on all solvers."""
     from small_scenes import bead, cantilever, grid
@@ -52,6 +64,8 @@ def main(side: str) -> None:
               for name in ("quadratic", "ball joints", "sleeves and forces along the beams", "sleeves, forces and a border",
                            "sleeves and forces along the beams in a plane", "end on a body by a ball")}
     scenes |= {some.name: (some, {}) for some in (bead(), cantilever(), grid(3))}
+    scenes |= {f"elements of degree {degree} that move, planar={planar}": (rail(degree), {"planar": planar})
+               for degree, planar in ((5, False), (3, "auto"))}
     models = {name: fb.compile_scene(some, **options) for name, (some, options) in scenes.items()}
     others = {f"{name}, uneliminated": model.uneliminated(planar=False) for name, model in models.items()}
     np.zeros = fenced(side == "end")
