@@ -174,21 +174,24 @@ def orders(name: str, smooth: bool, halved: bool) -> list[Bar]:
 
 
 def cost(name: str, elements: int, step: float) -> None:
-    """Print the time of an iteration, moving over standing."""
+    """Print the time of an iteration, moving over standing, in space and in the plane of a scene that has one."""
     scene = given(name, elements)
-    times: list[float] = []
-    for one, options in ((scene, {"planar": False}), (fb.with_moving_meshes(scene), {})):
-        model = fb.compile_scene(one, **options)
-        best = np.inf
-        for _ in range(5):
-            stepper = Stepper(model, np.ones(1))
-            stepper.advance(0.0, step, 2)
-            begin = perf_counter()
-            outcome = stepper.advance(0.0, step, 100)
-            best = min(best, (perf_counter() - begin) / outcome.iterations)
-        times.append(best)
-    print(f"{name}, {elements} elements: {1e6 * times[0]:.0f} us an iteration standing, {1e6 * times[1]:.0f} us moving: "
-          f"{times[1] / times[0]:.2f}", flush=True)
+    for where, planar in (("in space", False), ("in a plane", True)):
+        if planar and fb.compile_scene(scene).plane is None:
+            return
+        times: list[float] = []
+        for one in (scene, fb.with_moving_meshes(scene)):
+            model = fb.compile_scene(one, planar=planar)
+            best = np.inf
+            for _ in range(5):
+                stepper = Stepper(model, np.ones(1))
+                stepper.advance(0.0, step, 2)
+                begin = perf_counter()
+                outcome = stepper.advance(0.0, step, 100)
+                best = min(best, (perf_counter() - begin) / outcome.iterations)
+            times.append(best)
+        print(f"{name}, {elements} elements {where}: {1e6 * times[0]:.0f} us an iteration standing, "
+              f"{1e6 * times[1]:.0f} us moving: {times[1] / times[0]:.2f}", flush=True)
 
 
 def main() -> int:

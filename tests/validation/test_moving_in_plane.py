@@ -1,4 +1,4 @@
-"""Moving meshes of scenes that stay in a plane, with 3 unknowns a node: the same as in space, in any plane (theory.md 5.12, 10)."""
+"""Moving meshes of scenes that stay in a plane, with 3 unknowns a node: as in space, in any plane (theory.md 5.12, 10)."""
 from __future__ import annotations
 
 from typing import Any
