@@ -21,7 +21,7 @@ import numpy as np
 from fastbeam.compile.condense import Condensed
 from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
-from fastbeam.compile.moving_meshes import moving_tables, rewrite, with_tables
+from fastbeam.compile.moving_meshes import meshes_of, moving_tables, with_tables
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
@@ -104,17 +104,14 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if not isinstance(scene, Scene):
         raise SceneError(f"compile_scene: needs a Scene, got {shown(scene)}; put the parts into one: "
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
-    as_given, rewritten = scene, rewrite(scene)
-    meshes = [] if rewritten is None else rewritten.meshes
-    if rewritten is not None:
-        scene, condense = rewritten.scene, False
+    as_given, (scene, meshes) = scene, meshes_of(scene)
     scene.check()
     numbered = number(scene)
     unpacked = unpack(scene, numbered, pack_at_rest, meshes)
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
-    condensed = choose(scene, unpacked, condense)
+    condensed = choose(scene, unpacked, condense and not meshes)
     kept = len(unpacked.kept)
     constraints = len(scene.sliders) + kept + len(scene.sleeves)
     if condensed.carriers is not None:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from fastbeam.compile.order import Ordered
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.contact.slider import Following
-from fastbeam.model.contact.moving_meshes import Moving
+from fastbeam.model.contact.moving_meshes import Moving, count_of_momenta
 from fastbeam.model.contact.moving_tables import Mesh
 from fastbeam.model.contact.sliders import SlidingContact
 from fastbeam.model.tables import TablePool
@@ -48,27 +48,18 @@ TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, 
          Bushing, InitialVelocity, RigidMotion, MovingMesh)
 
 
-class Rewritten(NamedTuple):
-    """Scene that is compiled, and its moving meshes."""
-
-    scene: Scene
-    meshes: list[Mesh]
-
-
-def rewrite(scene: Scene) -> Rewritten | None:
-    """Return a scene without its parts `MovingMesh`, and these; None without moving meshes. Raises SceneError: names a part that
-    moving meshes do not know."""
+def meshes_of(scene: Scene) -> tuple[Scene, list[Mesh]]:
+    """Return a scene without its parts `MovingMesh`, and these. Raises SceneError: names a part that moving meshes do not
+    know."""
     parts = [part for part in scene.parts if isinstance(part, MovingMesh)]
     if not parts:
-        return None
+        return scene, []
     _refuse(scene, parts)
     fields = [InitialVelocity(part.beam, velocity=part.velocity or (0, 0, 0), spin=part.spin or (0, 0, 0)) for part in parts
               if part.velocity is not None or part.spin is not None]
     out = Scene(*(part for part in scene.parts if not isinstance(part, MovingMesh)), *fields, name=scene.name,
                 gravity=scene.gravity, gravity_time=scene.gravity_time, project_velocities=scene.project_velocities)
-    out.check()
-    meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
-    return Rewritten(out, meshes)
+    return out, [Mesh(part.beam, list(part.sliders)) for part in parts]
 
 
 def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
@@ -143,7 +134,7 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
         sliders = np.array([number[slider] for slider in mesh.sliders])
         table = mesh.table(numbers, of_beam[mesh.beam], model.gravity, sliders, following)
         table.place[0], table.place[3], table.first[0] = place, first + len(tables), first
-        momenta = 12 * len(table.node) * table.mass_point.shape[1]
+        momenta = count_of_momenta(table)
         for k, slider in enumerate(sliders):
             at[slider, :3] = first + k, mesh.contacts[k], place + momenta + k
             if k + 1 < sliders.size:

@@ -89,7 +89,7 @@ class Feature:
     order: ClassVar[int]  # rank of the feature: in the history, and in sums
     lacks: ClassVar[tuple[Lack, ...]] = ()  # limits of analyses of models with the feature
     opens: ClassVar[bool] = False  # true if its history variables stand before the energies
-    # true if messages name it before the parts that belong to it: joints of moving meshes, friction of sleeves that twist
+    # true if messages name it before the parts that belong to it: sliders of moving meshes, friction of sleeves that twist
     is_told_first: ClassVar[bool] = False
     constrains: ClassVar[bool] = False  # true if its terms in an equilibrium have forces that are unknowns
     called_laws: Mapping[type, Any] = MappingProxyType({})  # user laws that its tables call, by the kinds of tables

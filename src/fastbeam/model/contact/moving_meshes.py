@@ -22,7 +22,7 @@ from fastbeam.model.maps import velocity_map
 
 Array = np.ndarray
 # analyses at rest that know moving elements
-AT_ENDS = Analysis.STATIC, Analysis.MODES, Analysis.PATH, Analysis.STICK
+RESTS = Analysis.STATIC, Analysis.MODES, Analysis.PATH, Analysis.STICK
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Moving(Feature):
         Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
                                                          "elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((*(x for x in AT_REST if x not in AT_ENDS), Analysis.STEADY), "moving elements",
+        Lack((*(x for x in AT_REST if x not in RESTS), Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((Analysis.BUCKLING,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving elements",
@@ -242,7 +242,7 @@ class Moving(Feature):
             return
         for table in self.tables:
             first = self._first(table)
-            own[first:first + _count(table)] = self._momenta(table, own, q, v, s).reshape(-1)
+            own[first:first + count_of_momenta(table)] = self._momenta(table, own, q, v, s).reshape(-1)
 
     def misfit(self, own: Array, q: Array, v: Array, s: Array) -> float:
         """Return the largest difference between velocities and those of the momenta in the history, with spins times the length
@@ -279,7 +279,7 @@ class Moving(Feature):
         out = np.zeros(q.size + self.sliders.size)
         for table in self.tables:
             first, of = int(table.place[0]), list(of_rates(table, q.reshape(-1, 4, 3), s))
-            own = history[first:first + _count(table)].reshape(len(of), -1, 4, 3)
+            own = history[first:first + count_of_momenta(table)].reshape(len(of), -1, 4, 3)
             for one, m in zip(of, own):
                 np.add.at(out, one.columns, np.einsum("gk,gkc,gkci->i", masses(table) / one.length, m, one.matrix))
         return out
@@ -291,11 +291,11 @@ class Moving(Feature):
             history[first:first + jump.size] += jump.reshape(-1)
 
 
-def _count(table: Any) -> int:
+def count_of_momenta(table: Any) -> int:
     """Return the number of momenta of a beam in the history."""
     return 12 * len(table.node) * table.mass_point.shape[1]
 
 
 def _size(table: Any) -> int:
     """Return the number of history variables of a beam."""
-    return _count(table) + table.slider.size + 1
+    return count_of_momenta(table) + table.slider.size + 1
