@@ -6,7 +6,7 @@ of all forces by the places of the ends, in space and in a plane. Offsets count 
 group takes 8 of them.
 
 Arrays: tab, constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places, those of
-`Moved` are behind.
+`Moved` are behind; of [3].
 """
 from __future__ import annotations
 

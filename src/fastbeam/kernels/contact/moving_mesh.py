@@ -3,7 +3,7 @@
 The history keeps momenta of points of the elements. Their means over a step follow from mean rates; forces on nodes and places of
 contacts change their sums. That conserves energy and both momenta.
 
-Arrays: counts_out [5]; history [*]; scratch [*], numbers of a group of 8 elements in lanes.
+Arrays: counts_out [5]; history [*]; scratch [*], numbers of a group of 8 elements in lanes; store [*] as `Inner.store`.
 """
 from __future__ import annotations
 
@@ -35,7 +35,6 @@ from fastbeam.kernels.contact.slider import UNKNOWN
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, FACTORS, LIST, NODES, POINTS, layout
-from fastbeam.kernels.linalg.constraints import recover_elements, recover_inside
 from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, spread_nodes, within_limits
 
 # an element may shrink to this share of its length in a step
@@ -358,18 +357,17 @@ def assemble_moving_at_rest(beam, method, system, h):
     assemble_moving(beam, method, system, 0.0)
 
 
-@recover_inside.register(MovingBeam)
 @kernel
-def recover_moving(beam, system):
+def follow_places(beam, system):
+    """Add to increments of all inner nodes what they owe to those of the places of contacts."""
     if beam.following.condensed[0] != 0:
         for k in range(beam.tables.meta.shape[0]):
-            follow_places(beam, k, system.work, system.dofs)
-    recover_elements.call(beam.inner, beam.tables, system, beam.scratch)
+            follow_places_in_group(beam, k, system.work, system.dofs)
 
 
 @kernel
-def follow_places(beam, k, work, dofs):
-    """Add to increments of inner nodes of group k what they owe to those of the places of contacts."""
+def follow_places_in_group(beam, k, work, dofs):
+    """Run `follow_places` for group k."""
     tables, scratch, x_out = beam.tables, beam.scratch, work.increment.x
     n, nn = len(dofs), tables.meta[k, NODES]
     row = 8 * n

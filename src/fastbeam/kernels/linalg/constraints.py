@@ -1,7 +1,7 @@
 """Solution of nodes and constraints together, theory.md 9: fill, solve and close of a step with sliders as rows.
 
 Arrays: r, x_out [8 (rows + 1)]; q_mid, q_end [12 N], in a plane [4 N]; force [*], forces of all constraints one after the other;
-y_out [7 S], their unknowns.
+y_out [7 S], their unknowns; scratch [*].
 """
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from fastbeam.kernels.beams.inner_nodes import Inner, NoInner
 from fastbeam.kernels.beams.nodes import Held, NoHeld
 from fastbeam.kernels.beams.planar_nodes import PlanarTies
 from fastbeam.kernels.beams.ties import Ties
+from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.kernels.contact.moving_mesh import follow_places
 from fastbeam.kernels.entries.dense import ContactInRows
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import kernel, separate
@@ -158,6 +160,13 @@ def recover_all_elements(inner, tables, system, scratch):
 @kernel
 def recover_beams(beams, system):
     recover_elements.call(beams.inner, beams.tables, system, system.work.scratch)
+
+
+@recover_inside.register(MovingBeam)
+@kernel
+def recover_moving(beam, system):
+    follow_places(beam, system)
+    recover_elements.call(beam.inner, beam.tables, system, beam.scratch)
 
 
 @fill.register(ContactInRows)
