@@ -111,7 +111,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
-    condensed = choose(scene, unpacked, condense and not meshes)
+    condensed = choose(scene, unpacked, False if meshes else condense)
     kept = len(unpacked.kept)
     constraints = len(scene.sliders) + kept + len(scene.sleeves)
     if condensed.carriers is not None:
