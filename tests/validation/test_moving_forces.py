@@ -124,8 +124,8 @@ def test_a_rigid_stop(restitution: float) -> None:
     wanted = np.minimum(START + RATE * result.t, 1.0) - restitution * RATE * np.maximum(result.t - reached, 0.0)
     lost = 0.5 * MASS * RATE**2 * (1.0 - restitution**2)
     print(f"off by {np.max(np.abs(run['s'] - wanted)):.1e}, lost {run['stop_loss'][-1]:.6g} of {lost:.6g} J")
-    # a node of the rail has ten thousand times its mass, and energies of that much round-off
-    assert np.max(np.abs(run["s"] - wanted)) < 1e-4 and result.drift("balance") < 2e-10
+    # a node of the rail has ten thousand times its mass, and the blow round-off of that much: 5e-11 in space, 2e-10 in a plane
+    assert np.max(np.abs(run["s"] - wanted)) < 1e-4 and result.drift("balance") < 1e-9
     assert run["stop_loss"][-1] == pytest.approx(lost, rel=2e-4, abs=1e-9)
     events = [x for x in result.events if x["kind"] == "impact"]
     assert [x["slider"] for x in events] == ["run"] and events[0]["time"] == pytest.approx(reached, abs=2e-5)
