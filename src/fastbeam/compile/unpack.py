@@ -88,9 +88,8 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     meshes: those that move with contacts, whose elements are left out, but for the initial state. Raises SceneError: initial
     velocities that a connection, a support or a slider does not allow."""
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
-    moved = {id(mesh.beam) for mesh in meshes}
     elements, moving = ([elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
-                         if (id(part) in moved) == of_moving] for of_moving in (False, True))
+                         if any(part is mesh.beam for mesh in meshes) == of_moving] for of_moving in (False, True))
     loads = _loads(scene, nodes, elements, joints.row_root)
     standing = unpack(scene, number(scene), pack) if meshes else None
     state = state_without_velocities(scene, nodes, kept) if standing is None else standing.state
