@@ -120,20 +120,22 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
         return model
     numbers, number = model.numbers, {slider: k for k, slider in enumerate(scene.sliders)}
     every = [slider for mesh in meshes for slider in mesh.sliders]
-    around = [nodes + numbers.start(mesh.beam) for mesh in meshes for nodes in mesh.around()]
-    count, most = len(every), max(x.size for x in around)
+    around = [(mesh, nodes + numbers.start(mesh.beam)) for mesh in meshes for nodes in mesh.around()]
+    count, most = len(every), max(x.size for _, x in around)
     at, nodes, pairs = np.full((len(scene.sliders), 4), -1), np.full((count, most), -1), []
     pair = np.full(count, -1)
     two = np.zeros((count, 2))
-    following = Following(at, nodes, np.zeros((count, most, 12)), np.zeros((count, 3)), two, np.zeros((count, 6)),
-                          np.zeros((count, most)), pair, two, np.ones(1), np.zeros(1, np.int64))
+    ends = np.array([np.count_nonzero((x - numbers.start(mesh.beam)) % mesh.beam.degree == 0) for mesh, x in around])
+    following = Following(at, nodes, ends, np.zeros((count, most, 12)), np.zeros((count, 3)), two, np.zeros((count, 6)),
+                          np.zeros((count, most)), pair, two, np.ones(1), np.zeros((count, 4), np.int64),
+                          np.concatenate([mesh.reach for mesh in meshes]), np.zeros((count, 3)))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
     moved = {mesh.beam for mesh in meshes}
     of_beam = dict(zip((beam for beam in scene.beams if beam in moved), tables_of, strict=True))
     for mesh in meshes:
         sliders = np.array([number[slider] for slider in mesh.sliders])
         table = mesh.table(numbers, of_beam[mesh.beam], model.gravity, sliders, following)
-        table.place[0], table.place[3], table.first[0] = place, first + len(tables), first
+        table.place[0], table.place[3], table.first[0] = place, len(pairs), first
         momenta = count_of_momenta(table)
         for k, slider in enumerate(sliders):
             at[slider, :3] = first + k, mesh.contacts[k], place + momenta + k
@@ -143,7 +145,7 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
         contacts += (numbers.start(mesh.beam) + mesh.contacts).tolist()
         place, first = place + momenta + sliders.size + 1, first + sliders.size
         tables.append(table)
-    for k, x in enumerate(around):
+    for k, (_, x) in enumerate(around):
         nodes[k, :x.size] = x
     moving = Moving(tuple(tables), [slider.name for slider in every], following, np.array([number[x] for x in every]),
                     np.array(contacts), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(count), scene.gravity_time)

@@ -9,6 +9,8 @@ import numpy as np
 from fastbeam.compile.cut_beams import Cut
 from fastbeam.interface.arguments import Anything, checked, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.moving_places import place_at
+from fastbeam.model.contact.moving_tables import KEPT
 from fastbeam.scene import Beam, MovingMesh, Path, Scene, Sleeve, Slider
 from fastbeam.scene.moving_mesh import check_acting, check_places, has_coulomb
 
@@ -30,9 +32,10 @@ class _Remeshed(Cut):
 def with_moving_meshes(scene: Scene) -> Scene:
     """Return the scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
 
-    Beams with sliders keep their number of elements, which are distributed over the parts between contacts by their lengths at
-    the start, at least one each. If contacts move far from there, distribute the elements by hand (`MovingMesh`), or use the
-    scene as it is: an event `coarse` tells where elements become too long. Parts at the ends of these beams, and sliders on them,
+    Beams with sliders keep their number of elements. With one slider half of them are on either side of it; with several they are
+    distributed over the parts between contacts by their lengths at the start, at least one each. If contacts move far from there,
+    distribute the elements by hand (`MovingMesh`), or use the scene as it is: an event `coarse` tells where elements become too
+    long. Parts at the ends of these beams, and sliders on them,
     refer to the new beams. Sleeves hold their beam at one point; those with `length=` raise an error unless Coulomb friction
     needs the length. Everything else is unchanged.
 
@@ -80,9 +83,17 @@ def with_moving_meshes(scene: Scene) -> Scene:
 
 
 def _cut(beam: Beam, at: list[float]) -> Beam:
-    """Return the beam with element ends at some places."""
-    fixed = np.array([0.0, *at, beam.length])
-    # inner rounding removes round-off beside halves
-    parts = np.maximum(1, np.round(np.round(beam.n_elements * np.diff(fixed) / beam.length, 9))).astype(int)
-    ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
+    """Return the beam with element ends at the contacts at these places; beside an end of the beam, which they follow at a
+    distance, where `Mesh` expects them."""
+    kept = KEPT * beam.length / beam.n_elements
+    places = [place_at(x, beam.length, kept * (k == 0), kept * (k == len(at) - 1)) for k, x in enumerate(at)]
+    fixed = np.array([0.0, *places, beam.length])
+    n = beam.n_elements
+    if len(at) == 1:
+        # wherever the contact goes
+        parts = np.array((max(1, n // 2), max(1, n - n // 2)))
+    else:
+        # inner rounding removes round-off beside halves
+        parts = np.maximum(1, np.round(np.round(n * np.diff(fixed) / beam.length, 9))).astype(int)
+    ends = [np.linspace(a, b, m + 1)[:-1] for a, b, m in zip(fixed[:-1], fixed[1:], parts)]
     return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -17,7 +17,8 @@ from fastbeam.kernels.beams.section_laws import added_energy, added_stress
 from fastbeam.kernels.beams.strain_measures import strains_of_shape
 from fastbeam.kernels.beams.strains import interpolate
 from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, point_on_curve
-from fastbeam.kernels.contact.slider import NODE, motion_along
+from fastbeam.kernels.contact.moving_places import is_on_node, on_mesh
+from fastbeam.kernels.contact.slider import NODE, NUMBER, motion_along
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import CONSTANTS, COUPLED, LIST, NODES, POINTS, REFERENCE, STRAINS, TEMPORARY, layout
@@ -111,11 +112,13 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         node = sliders.following.at[k, NODE]
-        if node >= 0:
+        f = sliders.following.at[k, NUMBER]
+        if f >= 0 and is_on_node(sliders.following, f, s[k]):
             place = ld3(q, 12 * node_of.call(nodes_of.call(curves, c), node), 1)
         else:
-            e = find_element.call(curves, c, s[k], contact.element[k])
-            place = point_on_curve(curves, c, s[k], q, e, contact, 0, SPACE)
+            at = s[k] if f < 0 else on_mesh(sliders.following, f, s[k], s[k]).end
+            e = find_element.call(curves, c, at, contact.element[k])
+            place = point_on_curve(curves, c, at, q, e, contact, 0, SPACE)
         gap = ld3(q, 12 * sliders.point[k], 1) - place
         gap_out[k] = dot(gap, gap)**0.5
 

@@ -19,6 +19,7 @@ from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Equilibrium, NoTies, SolverOutside, System, take_unknowns
 from fastbeam.model.feature import OfRun
 from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.mapping import along_material
 from fastbeam.model.maps import motion_map
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import contact_of, work_of
@@ -110,7 +111,8 @@ class ConstraintGaps:
         values[self._unknown] = values[self._free] = 0.0
         tangents = contact.corner[:s.size, 24:27].copy()
         if self._model.moving is not None:
-            tangents[self._model.moving.sliders] = q.reshape(-1, 4, 3)[self._model.moving.contacts, 1]
+            for k in self._model.moving.sliders.tolist():
+                tangents[k] = along_material(self._model, k, float(s[k]), q.reshape(-1, 4, 3))
         return values, tangents
 
     def at(self, q: Array, s: Array) -> Gaps:
@@ -141,13 +143,15 @@ class ConstraintGaps:
         """Form the gaps of a model with moving meshes, where rates of points relative to beams are those relative to the nodes
         there, which meet them, and of places."""
         sliders = self._model.moving.sliders
+        # by which points slide on the mesh, near the ends of beams
+        own = self._contact.corner[sliders, 24:27]  # type: ignore[union-attr]
         row, column = 3 * sliders[:, None] + np.arange(3), np.broadcast_to(np.arange(sliders.size)[:, None], (sliders.size, 3))
-        axes = tangents[sliders].reshape(-1), (row.reshape(-1), column.reshape(-1))
-        along = sparse.csr_matrix(axes, shape=(self._size, sliders.size))
+        along, slides = (sparse.csr_matrix((x.reshape(-1), (row.reshape(-1), column.reshape(-1))),
+                                           shape=(self._size, sliders.size)) for x in (tangents[sliders], own))
         place = np.full(len(tangents), -1)
         place[sliders] = rates.shape[1] + np.arange(sliders.size)
-        return Gaps(values, sparse.hstack([rates, along], format="csr"), tangents,
-                    sparse.hstack([along.T @ rates, sparse.csr_matrix((sliders.size, sliders.size))], format="csr"), place)
+        return Gaps(values, sparse.hstack([rates, along - slides], format="csr"), tangents,
+                    along.T @ sparse.hstack([rates, -slides], format="csr"), place)
 
 
 def across_of(tangent: Array) -> Array:

@@ -10,7 +10,8 @@ from numpy.polynomial import legendre
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.curves import FIRST_NODE, MOST_NODES, NODES_OF_CURVE, TERMS, Curves, Paths
-from fastbeam.kernels.contact.slider import NODE
+from fastbeam.kernels.contact.moving_places import is_on_node, on_mesh, place_of
+from fastbeam.kernels.contact.slider import NODE, NUMBER
 from fastbeam.kernels.contact.slider_forces import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
 from fastbeam.kernels.joints.coordinates import MOTION, VALUE
 from fastbeam.kernels.layout import ARM, POSITION, TRIAD
@@ -84,10 +85,20 @@ def shapes_at(model: Model, k: int, s: float, derivatives: int = 2) -> tuple[Arr
     [1 to 3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
-    c, at = int(sliders.curve[k]), int(sliders.following.at[k, NODE])
-    if at >= 0:
+    c, (f, at) = int(sliders.curve[k]), sliders.following.at[k, [NUMBER, NODE]].tolist()
+    if f < 0:
+        return shapes_on(curves, c, s, derivatives)
+    if is_on_node(sliders.following, f, s):
         # the contact is a node, which moves with it
         return nodes_of_curve(curves, c)[at:at + 1], np.eye(derivatives + 1, 1)
+    u = on_mesh(sliders.following, f, s, s)
+    nodes, (value, *more) = shapes_on(curves, c, u.end, derivatives)
+    by_s = [u.slope * x for x in more[:1]] + [u.slope**2 * x + 2.0 * u.bend * more[0] for x in more[1:]]
+    return nodes, np.array([value, *by_s])
+
+
+def shapes_on(curves: Curves | Paths, c: int, s: float, derivatives: int) -> tuple[Array, Array]:
+    """Return `shapes_at` for a place s of curve c."""
     _, n, o, p, co = (int(i) for i in curves.meta[c])
     ends = curves.ends[o:o + n + 1]
     s = within_round(curves, c, s)
@@ -125,8 +136,20 @@ def contact(model: Model, k: int, s: float, q: Array, v: Array) -> tuple[Array, 
     assert model.sliders is not None
     nodes, values, slopes = curve_at(model, k, s)
     point = int(model.sliders.point[k])
-    tangent = slopes @ q[nodes, 0] if model.sliders.following.at[k, NODE] < 0 else q[nodes[0], 1]
+    tangent = slopes @ q[nodes, 0] if model.sliders.following.at[k, NODE] < 0 else along_material(model, k, s, q)
     return q[point, 0] - values @ q[nodes, 0], tangent, v[point, 0] - values @ v[nodes, 0]
+
+
+def along_material(model: Model, k: int, s: float, q: Array) -> Array:
+    """Return d1 of the node at contact k of a moving mesh, or inside an element the tangent of the beam [3]; q [N, 4, 3]."""
+    curves, following, c = model.curves, model.sliders.following, int(model.sliders.curve[k])
+    f, at = following.at[k, [NUMBER, NODE]].tolist()
+    if is_on_node(following, f, s):
+        return np.asarray(q[nodes_of_curve(curves, c)[at], 1])
+    length, _, _, node_at = following.reach[f].tolist()
+    u, y = on_mesh(following, f, s, s).end, place_of(following, f, s)
+    nodes, (_, slopes) = shapes_on(curves, c, u, 1)
+    return np.asarray(slopes @ q[nodes, 0]) * (node_at / y if u < node_at else (length - node_at) / (length - y))
 
 
 def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> State:

@@ -324,13 +324,8 @@ class Model(WithFeatures):
 
     def step_limits_at(self, s: Array, history: Array | None) -> Array:
         """Return the arc lengths between which a step may lead sliders at s [S], float64 [S, 2]: as `limits_at`; infinite for
-        those that are locked or released, whose s stays to round-off, at an end of the beam too, and for ends of moving meshes,
-        which keep a distance."""
+        those that are locked or released, whose s stays to round-off, at an end of the beam too."""
         out = self.limits_at(s, history)
-        if self.moving is not None:
-            at = self.moving.sliders
-            ends = self.ends_at(s)[at]
-            out[at] = np.where(out[at] == ends, (-np.inf, np.inf), out[at])
         if self.slider_forces is not None:
             out[self.along_of(history)[:, HELD] != FREE] = -np.inf, np.inf
         return out

@@ -1,6 +1,6 @@
 """Beams whose mesh moves with its contacts, theory.md 5.12: tables, and energies of a shape.
 
-Element ends are shares of the places s of two neighbouring contacts (or of an end of the beam), x = (1 - f) s_a + f s_b, so that
+Element ends are shares of the places y(s) at two neighbouring contacts (or of an end of the beam), x = (1 - f) y_a + f y_b, so that
 with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
 
     velocity  a - xr g/h,   a = sum N_A q_A',       T = 1/2 int rho (h a.a - 2 xr a.g + xr^2 g.g/h)
@@ -19,6 +19,7 @@ import numpy as np
 from fastbeam.kernels.algebra.dimensions import position, vector
 from fastbeam.kernels.algebra.vectors import add3, cross, dot, ld3, zero3
 from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.contact.moving_places import place_of
 from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import put_loads
@@ -35,7 +36,7 @@ class MovingBeam(NamedTuple):
     lane: np.ndarray     # int64 [8 G]: element of every lane; idle ones repeat the last
     node: np.ndarray     # int64 [E, n]
     entry: np.ndarray    # int64 [E, 2, n]: numbers of the nodes among those of the contact behind, and of that ahead
-    place: np.ndarray    # int64 [5]: of the momenta in the history, first node, nodes; contacts and ends of beams before these;
+    place: np.ndarray    # int64 [5]: of the momenta in the history, first node, nodes; pairs of neighbouring contacts before these;
     # in a plane the first number of the director with inertia among those of a point.
     # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them ds/dt of the contacts
     # [S], and the work of the weight
@@ -63,17 +64,23 @@ class MovingBeam(NamedTuple):
     #                      ends stay, where they are eliminated from the border
 
 
+class MovingRows(NamedTuple):
+    """Rows of the nodes of a beam, once contacts inside elements have put their forces on inner nodes, which are eliminated."""
+
+    beam: MovingBeam
+
+
 @kernel
 def ends_of(beam, e, s):
-    """Return the places behind and ahead of an element, with those of all sliders [*]."""
+    """Return the places of the element ends at the contacts behind and ahead of an element, with those of all sliders [*]."""
     a = beam.slot[e, 0]
     b = beam.slot[e, 1]
     begin = 0.0
     end = beam.length[0]
     if a >= 0:
-        begin = s[beam.slider[a]]
+        begin = place_of(beam.following, beam.first[0] + a, s[beam.slider[a]])
     if b >= 0:
-        end = s[beam.slider[b]]
+        end = place_of(beam.following, beam.first[0] + b, s[beam.slider[b]])
     return begin, end
 
 

@@ -16,7 +16,7 @@ from fastbeam.kernels.algebra.vectors import WIDTH, address, dot, ld3, st3, vld,
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
 from fastbeam.kernels.beams.inner_nodes import Inner, NoInner, eliminate_group
 from fastbeam.kernels.beams.motions import motion
-from fastbeam.kernels.contact.moving_beam import MovingBeam, density_place, ends_of, height_of
+from fastbeam.kernels.contact.moving_beam import MovingBeam, MovingRows, density_place, ends_of, height_of
 from fastbeam.kernels.contact.moving_elements import (
     BASE,
     CORNER,
@@ -30,6 +30,18 @@ from fastbeam.kernels.contact.moving_elements import (
     evaluate_ends,
     moved,
     put_momenta,
+)
+from fastbeam.kernels.contact.moving_places import (
+    ALLOWED,
+    BEND,
+    MAY_WAIT,
+    MEAN,
+    NOW,
+    SLOPE,
+    WAITS,
+    is_on_node,
+    place_of,
+    put_shift,
 )
 from fastbeam.kernels.contact.slider import UNKNOWN
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
@@ -50,14 +62,33 @@ def rate_of(beam, contact, h):
 
 
 @kernel
+def rate_of_end(beam, contact, h):
+    """Return the mean rate of the element end that follows a contact, as `rate_of`, from the numbers of `put_shifts`."""
+    if contact < 0:
+        return 0.0
+    return beam.following.shift[beam.first[0] + contact, MEAN] * rate_of(beam, contact, h)
+
+
+@kernel
+def put_shifts(beam, state, work):
+    """Store how element ends follow their contacts in the step; return whether all contacts stay at element ends."""
+    following, on_nodes = beam.following, True
+    for j in range(beam.slider.shape[0]):
+        f, s0, s1 = beam.first[0] + j, state.s[beam.slider[j]], work.s_end[beam.slider[j]]
+        put_shift(following, f, s0, s1)
+        on_nodes = on_nodes and is_on_node(following, f, s0) and is_on_node(following, f, s1)
+    return on_nodes
+
+
+@kernel
 def put_ends(beam, k, scratch, x, state, work, h):
     """Store lengths of the elements of group k at both ends of the step, mean rates of their ends, and shares."""
     for lane in range(8):
         e = beam.lane[8 * k + lane]
         a0, b0 = ends_of(beam, e, state.s)
         a1, b1 = ends_of(beam, e, work.s_end)
-        behind = rate_of(beam, beam.slot[e, 0], h)
-        ahead = rate_of(beam, beam.slot[e, 1], h)
+        behind = rate_of_end(beam, beam.slot[e, 0], h)
+        ahead = rate_of_end(beam, beam.slot[e, 1], h)
         o = x.first + lane
         scratch[o + LENGTHS] = (beam.share[e, 1] - beam.share[e, 0]) * (b0 - a0)
         # a step in which an element vanishes fails
@@ -185,7 +216,7 @@ def gather_moving(beam, k, at, x, step, state, work, h, dofs):
 
 @separate
 def evaluate_moving(beam, method, k, state, work, h, dofs):
-    """Add residual and tangent of group k; h: 0 at rest."""
+    """Evaluate residual and tangent of group k in scratch; h: 0 at rest. Returns the layout, and that of `moved`."""
     tables, scratch = beam.tables, beam.scratch
     at = layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS])
     points = beam.mass_point.shape[1]
@@ -203,12 +234,14 @@ def evaluate_moving(beam, method, k, state, work, h, dofs):
         evaluate_ends.call(dofs, beam, MOVING_STEP, beam.strains, tab, case.coupled, of_lanes, at, points, h)
         evaluate_lanes.call(dofs, MOVING_STEP, beam.strains, tab, address(scratch, x.rest + lane), of_lanes, at, case,
                             step.mass_factor)
-    every = eliminate_group.call(beam.inner, tables, k, at, scratch, work.r, dofs)
-    condense_border.call(beam.inner, beam, k, at, x, dofs)
-    for lane in range(8):
-        if 8 * k + lane < beam.node.shape[0]:
-            scatter_ends(beam, 8 * k + lane, lane, scratch, at, x, dofs)
-    scatter_group(tables, k, at, every, scratch, work.r, work.blocks, dofs)
+    return at, x
+
+
+@kernel
+def add_rows(beam, k, at, work, dofs):
+    """Add residual and tangent of group k from scratch, without inner nodes if these are eliminated."""
+    every = eliminate_group.call(beam.inner, beam.tables, k, at, beam.scratch, work.r, dofs)
+    scatter_group(beam.tables, k, at, every, beam.scratch, work.r, work.blocks, dofs)
 
 
 @generic
@@ -227,7 +260,7 @@ def condense_no_border(inner, beam, k, at, x, dofs):
 @separate
 def condense_border_of_group(inner, beam, k, at, x, dofs):
     scratch, store = beam.scratch, inner.store
-    if beam.following.condensed[0] == 0:
+    if beam.following.condensed[beam.first[0], NOW] == 0:
         return
     n = len(dofs)
     row, block, size = 8 * n, 8 * n * n, x.unknowns * at.nn
@@ -285,37 +318,40 @@ def scatter_ends(beam, e, lane, scratch, at, x, dofs):
     """Add the forces of element e on the places of contacts, and the derivatives that belong to these places."""
     n = len(dofs)
     size = x.unknowns * at.nn
-    following = beam.following
-    every = at.nn - 1 if following.condensed[0] != 0 else 1
+    following, shift = beam.following, beam.following.shift
+    every = at.nn - 1 if following.condensed[beam.first[0], NOW] != 0 else 1
     for side in range(2):
         if beam.slot[e, side] < 0:
             continue
         f = beam.first[0] + beam.slot[e, side]
+        mean, slope = shift[f, MEAN], shift[f, SLOPE]
         column = x.rows + size * side + lane
         line = column + 2 * size
         for a in range(0, at.nn, every):
             border = following.border[f, beam.entry[e, side, a]]
             for c in range(n):
-                border[c] += scratch[column + x.unknowns * a + 8 * c]
-                border[n + c] += scratch[line + x.unknowns * a + 8 * c]
+                border[c] += slope * scratch[column + x.unknowns * a + 8 * c]
+                border[n + c] += mean * scratch[line + x.unknowns * a + 8 * c]
         corner = x.first + CORNER + 16 * side + lane
-        following.pull[f, 0] += scratch[x.first + FORCES + 8 * side + lane]
-        following.pull[f, 1] += scratch[corner + 8 * side]
-        following.pull[f, 2] += scratch[x.first + GAIN + 8 * side + lane]
+        force = scratch[x.first + FORCES + 8 * side + lane]
+        following.pull[f, 0] += mean * force
+        following.pull[f, 1] += mean * slope * scratch[corner + 8 * side] + shift[f, BEND] * force
+        following.pull[f, 2] += mean * scratch[x.first + GAIN + 8 * side + lane]
         if beam.slot[e, 1 - side] >= 0:
             # the contact behind has the number `side` = 0
-            following.cross[f - side, side] += scratch[corner + 8 * (1 - side)]
+            of_other = shift[f + 1 - 2 * side, SLOPE]
+            following.cross[f - side, side] += mean * of_other * scratch[corner + 8 * (1 - side)]
         if beam.share[e, side] == float(side):
             put_tangent(beam, e, side, f, scratch, at, x, lane, dofs)
 
 
 @kernel
 def put_tangent(beam, e, side, f, scratch, at, x, lane, dofs):
-    """Add the half of the tangent at contact f, at an end of element e, and its derivatives."""
+    """Add the half of the tangent at the element end of contact f, at an end of element e, and its derivatives."""
     following = beam.following
     size = 0.5 * (scratch[x.first + LENGTHS + lane] + scratch[x.first + LENGTHS + 8 + lane])
     # the length at the end grows with the place ahead
-    by_place = (beam.share[e, 1] - beam.share[e, 0]) * (0.5 if side == 1 else -0.5) / size
+    by_place = following.shift[f, SLOPE] * (beam.share[e, 1] - beam.share[e, 0]) * (0.5 if side == 1 else -0.5) / size
     for a in range(at.nn):
         slope = 0.5 * beam.edge[side, a] / size
         following.slope[f, beam.entry[e, side, a]] += 0.5 * slope
@@ -326,10 +362,13 @@ def put_tangent(beam, e, side, f, scratch, at, x, lane, dofs):
 
 
 @kernel
-def clear_contacts(beam):
-    """Set what `scatter_ends` adds up to zero."""
+def clear_contacts(beam, state, work):
+    """Set what `scatter_ends` adds up to zero; inner nodes under contacts are not eliminated from the border."""
     following, first = beam.following, beam.first[0]
+    on_nodes = put_shifts(beam, state, work)
     for f in range(first, first + beam.slider.shape[0]):
+        following.condensed[f, NOW] = following.condensed[f, ALLOWED] if on_nodes else 0
+        following.condensed[f, WAITS] = 0 if on_nodes else following.condensed[f, MAY_WAIT]
         following.pull[f, 0] = following.pull[f, 1] = following.pull[f, 2] = 0.0
         following.cross[f, 0] = following.cross[f, 1] = 0.0
         for c in range(6):
@@ -343,9 +382,27 @@ def clear_contacts(beam):
 @assemble.register(MovingBeam, Conserving)
 @kernel
 def assemble_moving(beam, method, system, h):
-    clear_contacts(beam)
+    work, dofs = system.work, system.dofs
+    clear_contacts(beam, system.state, work)
+    waits = beam.following.condensed[beam.first[0], WAITS] != 0
     for k in range(beam.tables.meta.shape[0]):
-        evaluate_moving(beam, method, k, system.state, system.work, h, system.dofs)
+        at, x = evaluate_moving(beam, method, k, system.state, work, h, dofs)
+        if not waits:
+            add_rows(beam, k, at, work, dofs)
+            condense_border.call(beam.inner, beam, k, at, x, dofs)
+        for lane in range(8):
+            if 8 * k + lane < beam.node.shape[0]:
+                scatter_ends(beam, 8 * k + lane, lane, beam.scratch, at, x, dofs)
+
+
+@assemble.register(MovingRows, Conserving)
+@kernel
+def assemble_rows(term, method, system, h):
+    beam, work, dofs = term.beam, system.work, system.dofs
+    if beam.following.condensed[beam.first[0], WAITS] != 0:
+        for k in range(beam.tables.meta.shape[0]):
+            at, _ = evaluate_moving(beam, method, k, system.state, work, h, dofs)
+            add_rows(beam, k, at, work, dofs)
 
 
 @assemble.register(MovingBeam, Equilibrium)
@@ -360,7 +417,7 @@ def assemble_moving_at_rest(beam, method, system, h):
 @kernel
 def follow_places(beam, system):
     """Add to increments of all inner nodes what they owe to those of the places of contacts."""
-    if beam.following.condensed[0] != 0:
+    if beam.following.condensed[beam.first[0], NOW] != 0:
         for k in range(beam.tables.meta.shape[0]):
             follow_places_in_group(beam, k, system.work, system.dofs)
 
@@ -376,6 +433,7 @@ def follow_places_in_group(beam, k, work, dofs):
             contact = beam.slot[beam.lane[8 * k + lane], side]
             z = 0.0
             if contact >= 0:
+                # contacts are nodes, so their places are those of element ends
                 z = work.y[beam.following.at[beam.slider[contact], UNKNOWN]]
             scratch[8 * side + lane] = z
     for i in range(1, nn - 1):
@@ -394,6 +452,7 @@ def account_moving(beam, system, h):
     """Update momenta to the end of the step, twice their means less those at its start, and the work of the weight."""
     state, work, dofs = system.state, system.work, system.dofs
     first = beam.place[1]
+    put_shifts(beam, state, work)
     spread_nodes.call(dofs, system.method, state, work, h, first, first + beam.place[2])
     for k in range(beam.tables.meta.shape[0]):
         take_momenta(beam, k, state, work, h, dofs)
@@ -424,12 +483,12 @@ def take_momenta(beam, k, state, work, h, dofs):
 @within_limits.register(MovingBeam)
 @kernel
 def contacts_keep_distance(beam, system, counts_out):
-    """Return whether contacts are at least `length[1]` from each other and from both ends of the beam."""
+    """Return whether element ends at contacts are at least `length[1]` from each other."""
     before = 0.0
-    for j in range(beam.slider.shape[0] + 1):
-        s = system.state.s[beam.slider[j]] if j < beam.slider.shape[0] else beam.length[0]
-        if not s - before >= beam.length[1]:
-            counts_out[3] = system.state.s.shape[0] + beam.place[3] + j
+    for j in range(beam.slider.shape[0]):
+        y = place_of(beam.following, beam.first[0] + j, system.state.s[beam.slider[j]])
+        if j > 0 and not y - before >= beam.length[1]:
+            counts_out[3] = system.state.s.shape[0] + beam.place[3] + j - 1
             return False
-        before = s
+        before = y
     return True

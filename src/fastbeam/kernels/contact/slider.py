@@ -39,6 +39,7 @@ from fastbeam.kernels.algebra.dimensions import (
 )
 from fastbeam.kernels.algebra.vectors import dot
 from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot, step_basis
+from fastbeam.kernels.contact.moving_places import entries_of_border, is_on_node, on_mesh
 from fastbeam.kernels.entries.dense import Contact, Frame, Weights, put_corner, put_frame, put_node, put_translation
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
@@ -65,8 +66,8 @@ class Following(NamedTuple):
 
     at: np.ndarray       # int64 [S, 4]: number among these, node counted along the curve, place of ds/dt in the history, that of
     #                      the increment of s among the unknowns of constraints; or -1
-    nodes: np.ndarray    # int64 [F, M]: nodes of the elements on both sides of a contact, element ends first, or -1; where the
-    #                      element loop eliminates inner nodes from the border, too, element ends alone
+    nodes: np.ndarray    # int64 [F, M]: nodes of the elements on both sides of a contact, element ends first, or -1
+    ends: np.ndarray     # int64 [F]: number of element ends among these
     border: np.ndarray   # float64 [F, M, 12]
     pull: np.ndarray     # float64 [F, 3]: force of the beam on the place, N, its derivative by the place at the end, and what it
     #                      gains as inner nodes move under their own residual
@@ -76,14 +77,17 @@ class Following(NamedTuple):
     pair: np.ndarray     # int64 [F]: number in `Contact.pair` of the pair of a contact and the next on its beam, or -1
     way: np.ndarray      # float64 [F, 2]: increments of the places in the step, and in the last iteration, m
     gravity: np.ndarray  # float64 [1]: factor of gravity on their beams
-    condensed: np.ndarray  # int64 [1]: 1 where inner nodes are eliminated from the border
+    condensed: np.ndarray  # int64 [F, 4]: what is eliminated, as in moving_places.py, the same for all contacts of a beam
+    reach: np.ndarray    # float64 [F, 4]: where the beam ends, and
+    shift: np.ndarray    # float64 [F, 3]: how element ends follow there, as in moving_places.py
 
 
 def no_following(sliders: int) -> Following:
     """Return the record of sliders on meshes that stand."""
-    return Following(np.full((sliders, 4), -1), np.zeros((0, 1), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 3)),
-                     np.zeros((0, 2)), np.zeros((0, 6)), np.zeros((0, 1)), np.zeros(0, np.int64), np.zeros((0, 2)), np.ones(1),
-                     np.zeros(1, np.int64))
+    none = np.zeros(0, np.int64)
+    return Following(np.full((sliders, 4), -1), np.zeros((0, 1), np.int64), none, np.zeros((0, 1, 12)), np.zeros((0, 3)),
+                     np.zeros((0, 2)), np.zeros((0, 6)), np.zeros((0, 1)), none, np.zeros((0, 2)), np.ones(1),
+                     np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 3)))
 
 
 # columns of `Following.at`
@@ -340,19 +344,36 @@ def pass_along(basis, nodes, lo, hi, system, spin_root):
 def begin_passage(term, system, k):
     """Form the basis of the nodes under slider k in the step; return `nodes_of` its curve, the first of them and the one behind
     the last."""
-    curves, state, work, contact = term.curves, system.state, system.work, system.contact
-    c = term.sliders.curve[k]
-    a = term.sliders.following.at[k, NODE]
-    if a >= 0:
-        nodes = nodes_of.call(curves, c)
+    curves, contact = term.curves, system.contact
+    c, s0, s1 = term.sliders.curve[k], system.state.s[k], system.work.s_end[k]
+    following = term.sliders.following
+    a = following.at[k, NODE]
+    if a < 0:
+        lo, hi = begin_basis(curves, c, s0, s1, k, contact)
+        return nodes_of.call(curves, c), lo, hi
+    nodes, f = nodes_of.call(curves, c), following.at[k, NUMBER]
+    if is_on_node(following, f, s0) and is_on_node(following, f, s1):
         for i in range(5):
             contact.basis[i, slot.call(nodes, a)] = 1.0 if i < 2 else 0.0
         return nodes, a, a + 1
-    e0 = find_element.call(curves, c, state.s[k], contact.element[k])
-    e1 = find_element.call(curves, c, work.s_end[k], e0)
+    u = on_mesh(following, f, s0, s1)
+    lo, hi = begin_basis(curves, c, u.start, u.end, k, contact)
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        contact.basis[4, i] = u.mean * u.slope * contact.basis[4, i] + u.bend * contact.basis[3, i]
+        contact.basis[3, i] *= u.mean
+        contact.basis[2, i] *= u.slope
+    return nodes, lo, hi
+
+
+@kernel
+def begin_basis(curves, c, s0, s1, k, contact):
+    """Form the basis of the nodes of curve c between s0 and s1; return the first of them and the one behind the last."""
+    e0 = find_element.call(curves, c, s0, contact.element[k])
+    e1 = find_element.call(curves, c, s1, e0)
     lo, hi = nodes_under.call(curves, c, e0, e1)
-    step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
-    return nodes_of.call(curves, c), lo, hi
+    step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact)
+    return lo, hi
 
 
 @kernel
@@ -386,30 +407,31 @@ def add_slider(along, term, system, k):
     jump = way.t1 - way.t0
     sums = sums_of_sections.call(term.sleeves, system, k, nodes, lo, hi)
     push = push_of_moments.call(term.sleeves, sums, term, system, k)
-    tangent = mean_tangent(way)
+    own = tangent = mean_tangent(way)
     follows = term.sliders.following.at[k, NUMBER]
     if follows >= 0:
-        # the force of the beam on the place stands for F . T
+        # the force of the beam on the place stands for F . T, but for what the contact slides on the mesh
         tangent = vector(term.sliders.following.tangent[follows], 0, 1, dofs)
-        push += dot(f, tangent) - term.sliders.following.pull[follows, 0]
+        push += dot(f, tangent - own) - term.sliders.following.pull[follows, 0]
     law = sliding_law.call(term.along, term, system, k, f, tangent, push)
-    turned = in_step.call(system.method, spin_cross.call(way.turn, law.force))
-    slide = 0.5 * law.force + 0.25 * turned
-    back = 0.5 * law.force - 0.25 * turned
+    slides = law.share * f if follows >= 0 else law.force
+    turned = in_step.call(system.method, spin_cross.call(way.turn, slides))
+    slide = 0.5 * slides + 0.25 * turned
+    back = 0.5 * slides - 0.25 * turned
     contact.entries[k] = 0
     point = term.sliders.point[k]
     gap = in_step.call(system.method, position(work.q_mid, point, dofs) - way.mean)
     put_curve(term, system, k, nodes, lo, hi,
-              Frame(f, gap, cross_product.call(gap, f), slide, cross_product.call(law.force, jump)))
+              Frame(f, gap, cross_product.call(gap, f), slide, cross_product.call(slides, jump)))
     # force -F on the point
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
     put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0, 0.0), f,
                          zero_vector(dofs), dofs)
-    by_s = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, law.force), jump)
+    by_s = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, slides), jump)
             + law.slope)
     by_force, sliding = law.tangent, dot(slide, way.t1) + dot(back, way.t0) + law.rest
     if follows >= 0:
-        by_force, sliding = law.tangent - law.share * tangent, dot(law.force, tangent) + law.rest
+        by_force, sliding = law.tangent - law.share * (tangent - own), dot(law.force, tangent) + law.rest
         sliding += law.share * term.sliders.following.pull[follows, 2]
         by_s += law.share * term.sliders.following.pull[follows, 1]
         by_s += dot(law.force - law.share * f, vector(term.sliders.following.tangent[follows], 3, 1, dofs))
@@ -445,7 +467,7 @@ def add_border_of_beam(contact, term, system, k, law):
     by_tangent = law.force - law.share * vector(system.state.force, contact.first_force[k], 1, dofs)
     # the order of elimination follows the entries before
     contact.strong[k] = contact.entries[k]
-    for m in range(following.nodes.shape[1]):
+    for m in range(entries_of_border(following, f)):
         at = following.nodes[f, m]
         if at < 0:
             break
@@ -474,7 +496,7 @@ def pull_at_end(term, system, k):
     if f > 0 and following.pair[f - 1] >= 0:
         out += following.cross[f - 1, 1] * following.way[f - 1, 1]
     n = len(dofs)
-    for m in range(following.nodes.shape[1]):
+    for m in range(entries_of_border(following, f)):
         at = following.nodes[f, m]
         if at < 0:
             break

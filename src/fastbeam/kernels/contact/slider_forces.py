@@ -554,8 +554,8 @@ def account_work(along, term, system, k):
     ds = s1 - s0
     follows = term.sliders.following.at[k, NUMBER]
     if follows >= 0:
-        tangent = vector(term.sliders.following.tangent[follows], 0, 1, dofs)
-        push += dot(force, tangent) - pull_at_end(term, system, k)
+        own, tangent = tangent, vector(term.sliders.following.tangent[follows], 0, 1, dofs)
+        push += dot(force, tangent - own) - pull_at_end(term, system, k)
     total = dot(force, tangent) - push
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):

@@ -9,15 +9,26 @@ import numpy as np
 
 from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.algebra.dimensions import SPACE
-from fastbeam.kernels.contact.moving_beam import MovingGravity, energy_of_moving, height_of, momentum_sums, motion_of
+from fastbeam.kernels.contact.moving_beam import MovingGravity, MovingRows, energy_of_moving, height_of, momentum_sums, motion_of
+from fastbeam.kernels.contact.moving_places import ALLOWED, MAY_WAIT, is_on_node
 from fastbeam.kernels.contact.slider import RATE, UNKNOWN, Following
 from fastbeam.kernels.energies import STRAIN
 from fastbeam.kernels.layout import FACTORS
 from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
-from fastbeam.model.contact.moving_tables import element_lengths, mass_matrix, masses, momenta, of_rates, table_in_plane, ways_of
+from fastbeam.model.contact.moving_tables import (
+    element_lengths,
+    mass_matrix,
+    masses,
+    momenta,
+    of_rates,
+    places_of,
+    table_in_plane,
+    ways_of,
+)
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import mean_factors
+from fastbeam.model.mapping import contact
 from fastbeam.model.maps import velocity_map
 
 Array = np.ndarray
@@ -84,14 +95,12 @@ class Moving(Feature):
     # --- in a run -----------------------------------------------------------------------------------------------------
     def work(self, model: Any, plane: Any, static: bool) -> Following:
         """Allocate the numbers of contacts that terms of one run share."""
-        of, nodes, at = self.following, self.following.nodes, self.following.at.copy()
+        of, at = self.following, self.following.at.copy()
         at[self.sliders, UNKNOWN] = (np.cumsum(model.unknowns) - model.unknowns)[self.sliders] + model.dim
-        condensed = self._is_condensed(model)
-        if condensed:
-            inner = np.concatenate([table.node[:, 1:-1].reshape(-1) for table in self.tables])
-            nodes = np.where(np.isin(nodes, inner), -1, nodes)
-        empty = {key: np.zeros_like(getattr(of, key)) for key in ("border", "pull", "cross", "tangent", "slope", "way")}
-        return of._replace(at=at, nodes=nodes, condensed=np.array([condensed], np.int64), gravity=np.ones(1), **empty)
+        empty = {key: np.zeros_like(getattr(of, key)) for key in ("border", "pull", "cross", "tangent", "slope", "way", "shift")}
+        condensed = np.zeros_like(of.condensed)
+        condensed[:, ALLOWED] = self._is_condensed(model)
+        return of._replace(at=at, condensed=condensed, gravity=np.ones(1), **empty)
 
     def _is_condensed(self, model: Any) -> bool:
         """Return whether inner nodes of all moving elements are eliminated from the border. The normal force of friction has
@@ -107,12 +116,15 @@ class Moving(Feature):
     def terms(self, run: OfRun) -> Iterable[tuple[Stand, Any]]:
         """Return the tables of beams with work arrays of the run."""
         following = run.own.get("moving") or self.work(run.model, None, run.static)
+        following.condensed[:, MAY_WAIT] = run.inner is not None
         for table in self.tables:
             tab = aligned(table.tables.tab.size)
             tab[:] = table.tables.tab
-            yield Stand.MOVING, table._replace(scratch=aligned(table.scratch.size), carried=aligned(table.carried.size),
-                                               tables=table.tables._replace(tab=tab), inner=run.inner or table.inner,
-                                               following=following)
+            beam = table._replace(scratch=aligned(table.scratch.size), carried=aligned(table.carried.size),
+                                  tables=table.tables._replace(tab=tab), inner=run.inner or table.inner, following=following)
+            yield Stand.MOVING, beam
+            if run.inner is not None:
+                yield Stand.INNER, MovingRows(beam)
 
     def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
         """Return the factors of gravity in the steps of a span."""
@@ -144,30 +156,19 @@ class Moving(Feature):
         return next(table for table in self.tables if k in table.slider)
 
     def gaps(self, s: Array) -> tuple[Array, Array, Array]:
-        """Return the distances between neighbouring contacts and ends of beams with the places of all sliders, the smallest
+        """Return the distances between element ends at neighbouring contacts with the places of all sliders, the smallest
         allowed, and the lengths of the beams, m."""
-        found = [np.diff(np.concatenate(([0.0], s[table.slider], table.length[:1]))) for table in self.tables]
+        found = [np.diff(places_of(table, s)) for table in self.tables]
         lengths, least = np.repeat([table.length[:2] for table in self.tables], [x.size for x in found], axis=0).T
         return np.concatenate(found), least, lengths
 
     def at_end(self, gap: int, s: Array) -> dict[str, Any]:
-        """Return the event of a contact at the end of its range, by the number of the gap."""
-        first = 0
-        for table in self.tables:
-            n = table.slider.size
-            if gap <= n:
-                break
-            gap, first = gap - n - 1, first + n
-        k = min(gap, n - 1)
-        name, place = self.names[first + k], float(s[table.slider[k]])
-        if gap in (0, n):
-            end = "start" if gap == 0 else "end"
-            near = float(table.length[1])
-            return {"slider": name, "end": end, "s": place, "text": f"slider {name!r} came nearer than {near:.3g} m to the {end} "
-                                                                    "of its beam, where the length of a moving element vanishes"}
-        other = self.names[first + gap - 1]
-        return {"slider": name, "end": other, "s": place, "text": f"sliders {other!r} and {name!r} met, so the length of the "
-                                                                  "moving elements between them vanishes"}
+        """Return the event of two contacts that have met, by the number of the pair."""
+        pairs = [(int(a), int(b)) for table in self.tables for a, b in zip(table.slider[:-1], table.slider[1:])]
+        names = dict(zip(self.sliders.tolist(), self.names))
+        other, name = (names[k] for k in pairs[gap])
+        return {"slider": name, "end": other, "s": float(s[pairs[gap][1]]),
+                "text": f"sliders {other!r} and {name!r} met, so the length of the moving elements between them vanishes"}
 
     def ways(self, q: Array, s: Array) -> Any:
         """Return the motion of the nodes along their beams, (v, spin) of all nodes for ds/dt of the contacts, sparse [6 N, F], at
@@ -175,28 +176,27 @@ class Moving(Feature):
         n = q.size // 12
         return sparse.hstack([ways_of(table, q.reshape(-1, 4, 3), s, n) for table in self.tables], format="csr")
 
-    def tangents(self, q: Array, s: Array) -> Array:
-        """Return the tangents of beams at the contacts [F, 3], means of both sides, at coordinates [12 N] and places of
-        sliders."""
-        return self._along(self.ways(q, s))
-
-    def _along(self, ways: Any) -> Array:
-        """Return the motion of the nodes at the contacts with their own places, [F, 3]."""
-        rows = 6 * self.contacts[:, None] + np.arange(3)
-        columns = np.broadcast_to(np.arange(self.sliders.size)[:, None], rows.shape)
-        return np.asarray(ways[rows, columns].toarray())
+    def tangents(self, model: Any, q: Array, s: Array) -> Array:
+        """Return the tangents of beams at the contacts [F, 3], at element ends means of both sides, at coordinates [12 N] and
+        places of sliders."""
+        ways, out = self.ways(q, s), np.zeros((self.sliders.size, 3))
+        for f, (k, node) in enumerate(zip(self.sliders.tolist(), self.contacts.tolist())):
+            if is_on_node(self.following, f, s[k]):
+                out[f] = ways[6 * node:6 * node + 3, [f]].toarray()[:, 0]
+            else:
+                out[f] = contact(model, k, float(s[k]), *[q.reshape(-1, 4, 3)] * 2)[1]
+        return out
 
     def with_mesh(self, model: Any, q: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """Return the rates of all nodes [12 N] whose material has the rates v [12 N], and ds/dt of the contacts [F], at
         coordinates [12 N] and places of sliders."""
-        ways, of_nodes = self.ways(q, s), v.reshape(-1, 4, 3)
-        points = model.sliders.point[self.sliders]
-        along = self._along(ways)
-        relative = of_nodes[points, 0] - of_nodes[self.contacts, 0]
+        of_nodes, along = v.reshape(-1, 4, 3), self.tangents(model, q, s)
+        relative = np.array([contact(model, k, float(s[k]), q.reshape(-1, 4, 3), of_nodes)[2] for k in self.sliders.tolist()])
         rates = np.sum(relative * along, axis=1) / np.sum(along**2, axis=1)
-        out = v + velocity_map(q.reshape(-1, 4, 3)) @ (ways @ rates)
+        out = v + velocity_map(q.reshape(-1, 4, 3)) @ (self.ways(q, s) @ rates)
         # to the last bit
-        out.reshape(-1, 4, 3)[self.contacts, 0] = of_nodes[points, 0]
+        met = [is_on_node(self.following, f, s[k]) for f, k in enumerate(self.sliders.tolist())]
+        out.reshape(-1, 4, 3)[self.contacts[met], 0] = of_nodes[model.sliders.point[self.sliders[met]], 0]
         return out, rates
 
     @property

@@ -14,6 +14,7 @@ from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import NoInner
 from fastbeam.kernels.beams.strain_measures import SIMO_REISSNER
 from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.kernels.contact.moving_places import FROM_END, FROM_START, LENGTH, NODE_AT, place_at, place_of, slope_of
 from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.layout import CONSTANTS, FACTORS, layout_of
 from fastbeam.model.numbering import NodeList
@@ -30,19 +31,31 @@ UNIFORM = 1e-7
 POWERS = 12
 # up to this turn of an element, rad
 LARGEST_TURN = 2.0
-# smallest distance between two contacts, or a contact and an end, as a share of the beam; a run ends below it
+# smallest distance between two contacts as a share of the beam; a run ends below it
 SHORTEST = 5e-4
+# distance that element ends at contacts keep from the ends of the beam, as a share of the mean length of an element
+KEPT = 0.25
 
 
 class Mesh:
     """Beam with the sliders that its elements move with, in the order of their places. Raises SceneError: the curvature of the
-    beam changes along it."""
+    beam changes along it, or no element ends at a slider."""
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
         self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)
         self.reference = _reference(beam)
-        ends = beam.basis.element_ends
-        self.end = np.array([int(np.argmin(np.abs(ends - x.at))) for x in self.sliders])
+        ends, at = beam.basis.element_ends, [x.at for x in self.sliders]
+        low, high = (kept_from(beam, x) for x in (at[0], beam.length - at[-1]))
+        self.reach = np.zeros((len(at), 4))
+        self.reach[:, LENGTH], self.reach[0, FROM_START], self.reach[-1, FROM_END] = beam.length, low, high
+        places = [place_at(x, beam.length, of[FROM_START], of[FROM_END]) for x, of in zip(at, self.reach)]
+        self.end = np.array([int(np.argmin(np.abs(ends - x))) for x in places])
+        for slider, place, end in zip(self.sliders, places, ends[self.end]):
+            if abs(place - end) > 1e-9 * beam.length:
+                raise SceneError(f"moving mesh of {beam.label}: slider {slider.name!r} begins at={slider.at:.10g} m and needs an "
+                                 f"element end at {place:.10g} m; put one there with elements=[...], or use "
+                                 "with_moving_meshes(scene)")
+        self.reach[:, NODE_AT] = ends[self.end]
 
     @property
     def contacts(self) -> Array:
@@ -133,6 +146,14 @@ class Mesh:
         return rest, np.array([until]), np.sum((powers + 1) * rest[1:] * until**powers, axis=0)
 
 
+def kept_from(beam: Beam, at: float) -> float:
+    """Return the distance that the element end at a contact keeps from an end of its beam, at so far from that at the start; where
+    an element ends there, at most half of it, m."""
+    ends = beam.basis.element_ends[1:-1]
+    own = at > 0.0 and bool(np.min(np.abs(np.concatenate((ends, beam.length - ends)) - at), initial=np.inf) < 1e-9 * beam.length)
+    return min(KEPT * beam.length / beam.n_elements, 0.5 * at if own else np.inf)
+
+
 def table_in_plane(table: MovingBeam, plane: Plane) -> MovingBeam:
     """Return the term of a beam for nodes with 3 unknowns in a plane, in which it lies and stays."""
     n, points, first = table.node.shape[1], table.weight.size, int(table.node[0, 0])
@@ -185,9 +206,19 @@ def _reference(beam: Beam) -> Array:
     return mean
 
 
+def places_of(table: MovingBeam, s: Array) -> Array:
+    """Return the places of the element ends at the contacts of a beam, with the places of all sliders: [S], m."""
+    return np.array([place_of(table.following, table.first[0] + j, s[k]) for j, k in enumerate(table.slider)])
+
+
+def slopes_of(table: MovingBeam, s: Array) -> Array:
+    """Return the derivatives of `places_of` by the places of the contacts, [S]."""
+    return np.array([slope_of(table.following, table.first[0] + j, s[k]) for j, k in enumerate(table.slider)])
+
+
 def element_lengths(table: MovingBeam, s: Array) -> Array:
     """Return the lengths of elements between contacts, with the places of all sliders: [E], m."""
-    ends = np.where(table.slot >= 0, s[table.slider][table.slot], (0.0, table.length[0]))
+    ends = np.where(table.slot >= 0, places_of(table, s)[table.slot], (0.0, table.length[0]))
     return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
 
 
@@ -204,6 +235,7 @@ def of_rates(table: MovingBeam, q: Array, s: Array) -> Iterator[OfRates]:
     values, slopes = table.mass_shape
     x, n = table.mass_point[0], table.node.shape[1]
     vector, component = np.divmod(np.arange(12), 3)
+    along = slopes_of(table, s)
     for nodes, slots, (begin, end), h in zip(table.node, table.slot, table.share, element_lengths(table, s)):
         live = slots >= 0
         columns = np.concatenate(((12 * nodes[:, None] + np.arange(12)).reshape(-1), 12 * len(q) + table.first[0] + slots[live]))
@@ -212,7 +244,7 @@ def of_rates(table: MovingBeam, q: Array, s: Array) -> Iterator[OfRates]:
             matrix[:, vector, component, 12 * i + np.arange(12)] = h * values[:, i, None]
         f = begin + x * (end - begin)
         slope = np.einsum("gn,nkc->gkc", slopes, q[nodes])
-        matrix[..., 12 * n:] = -slope[..., None] * np.stack((1.0 - f, f), axis=1)[:, live][:, None, None]
+        matrix[..., 12 * n:] = -slope[..., None] * (np.stack((1.0 - f, f), axis=1)[:, live] * along[slots[live]])[:, None, None]
         yield OfRates(columns, matrix * (table.rho != 0.0)[:, None, None], float(h))
 
 
@@ -235,12 +267,12 @@ def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
     share = begin[:, None] + at * (end - begin)[:, None]
     count = np.bincount(table.node.reshape(-1), minlength=nodes)
     motion /= count[table.node][:, :, None]
-    rows, columns, values = [], [], []
+    rows, columns, values, along = [], [], [], slopes_of(table, s)
     for side, part in ((0, 1.0 - share), (1, share)):
         e = np.flatnonzero(table.slot[:, side] >= 0)
         rows.append(6 * table.node[e][:, :, None] + np.arange(6))
         columns.append(np.broadcast_to(table.slot[e, side][:, None, None], rows[-1].shape))
-        values.append(motion[e] * part[e][:, :, None])
+        values.append(motion[e] * (part[e] * along[table.slot[e, side], None])[:, :, None])
     flat = [np.concatenate([x.reshape(-1) for x in some]) for some in (values, rows, columns)]
     return sparse.csr_matrix((flat[0], (flat[1], flat[2])), shape=(6 * nodes, table.slider.size))
 

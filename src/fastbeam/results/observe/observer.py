@@ -177,7 +177,7 @@ class Observer:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
             slider_motion(model.curves, model.sliders, self._contact, state, tangent.reshape(-1), rate)
             if model.moving is not None:
-                tangent[model.moving.sliders] = model.moving.tangents(state.q, state.s)
+                tangent[model.moving.sliders] = model.moving.tangents(model, state.q, state.s)
             history = model.along_of(state.history).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
