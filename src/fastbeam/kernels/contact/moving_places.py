@@ -34,20 +34,24 @@ class Excess(NamedTuple):
 
 @kernel
 def excess(x0, x1, r):
-    """Return the `Excess` of a distance that goes from x0 to x1: e = r (1 - z)^3 (1 + z), z = x/2r, up to x = 2r, 0 beyond."""
+    """Return the `Excess` of a distance that goes from x0 to x1: e = r (1 - z)^3 (1 + z), z = x/2r, for x from 0 to 2r; 0 beyond,
+    and x + e = r on the way of an iteration behind the end."""
     if r == 0.0 or (x0 >= 2.0 * r and x1 >= 2.0 * r):
         return Excess(0.0, 0.0, 0.0, 0.0, 0.0)
-    a = max(0.0, 1.0 - 0.5 * x0 / r)
-    b = max(0.0, 1.0 - 0.5 * x1 / r)
+    a = min(max(0.0, 1.0 - 0.5 * x0 / r), 1.0)
+    b = min(max(0.0, 1.0 - 0.5 * x1 / r), 1.0)
     squares = a * a + b * b
     mean = 2.0 * (squares + a * b) - (a + b) * squares
     slope = -b * b * (3.0 - 2.0 * b)
-    if a > 0.0 and b > 0.0:
-        bend = 0.25 / r * (2.0 * (a + 2.0 * b) - squares - 2.0 * b * (a + b))
-        return Excess(r * a**3 * (2.0 - a), r * b**3 * (2.0 - b), -0.5 * mean, slope, bend)
-    # one end of the step is beyond 2r
-    mean *= r * (b - a) / (x1 - x0)
-    return Excess(r * a**3 * (2.0 - a), r * b**3 * (2.0 - b), mean, slope, (slope - mean) / (x1 - x0))
+    start = r * a**3 * (2.0 - a) - min(x0, 0.0)
+    end = r * b**3 * (2.0 - b) - min(x1, 0.0)
+    if min(x0, x1) >= 0.0 and max(x0, x1) <= 2.0 * r:
+        return Excess(start, end, -0.5 * mean, slope, 0.25 / r * (2.0 * (a + 2.0 * b) - squares - 2.0 * b * (a + b)))
+    if max(x0, x1) <= 0.0:
+        return Excess(start, end, -1.0, -1.0, 0.0)
+    # the step leads from one part to another
+    mean = (mean * r * (b - a) - (min(x1, 0.0) - min(x0, 0.0))) / (x1 - x0)
+    return Excess(start, end, mean, slope, (slope - mean) / (x1 - x0))
 
 
 @kernel
