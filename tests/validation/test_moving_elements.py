@@ -289,7 +289,8 @@ def test_a_run_ends_where_elements_vanish() -> None:
     assert event["kind"] == "slider_end" and event["end"] == "s0" and "sliders 's0' and 's1' met" in event["text"]
     assert result.slider("s0")["s"][-1] == pytest.approx(0.9995, rel=1e-6)
     assert result.drift("total") < 1e-12
-    with pytest.raises(fb.ConvergenceError, match="in this step sliders 's0' and 's1' met, so the length.*Use smaller steps") as failed:
+    told = "in this step sliders 's0' and 's1' met, so the length.*Use smaller steps"
+    with pytest.raises(fb.ConvergenceError, match=told) as failed:
         fb.simulate(model, t_end=1.0, step=0.3, progress=False)
     assert failed.value.result is not None
 

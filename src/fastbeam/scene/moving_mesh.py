@@ -61,9 +61,9 @@ def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
 class MovingMesh:
     """Beam whose elements move with sliders; their contacts are element ends at all times (theory.md 5.12).
 
-    Elements between two contacts, or a contact and an end of the beam, share the length there in constant proportions. Within half
-    a mean element of the ends of the beam contacts run inside elements, which do not vanish there. Each slider needs an element
-    end at its place at t = 0; `with_moving_meshes` makes such beams.
+    Elements between two contacts, or a contact and an end of the beam, share the length there in constant proportions. Within
+    half a mean element of the ends of the beam contacts run inside elements, which do not vanish there. Each slider needs an
+    element end at its place at t = 0; `with_moving_meshes` makes such beams.
 
     Parameters
     ----------

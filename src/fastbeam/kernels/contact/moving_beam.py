@@ -1,7 +1,7 @@
 """Beams whose mesh moves with its contacts, theory.md 5.12: tables, and energies of a shape.
 
-Element ends are shares of the places y(s) at two neighbouring contacts (or of an end of the beam), x = (1 - f) y_a + f y_b, so that
-with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
+Element ends are shares of the places y(s) at two neighbouring contacts (or of an end of the beam), x = (1 - f) y_a + f y_b, so
+that with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
 
     velocity  a - xr g/h,   a = sum N_A q_A',       T = 1/2 int rho (h a.a - 2 xr a.g + xr^2 g.g/h)
 
@@ -36,7 +36,7 @@ class MovingBeam(NamedTuple):
     lane: np.ndarray     # int64 [8 G]: element of every lane; idle ones repeat the last
     node: np.ndarray     # int64 [E, n]
     entry: np.ndarray    # int64 [E, 2, n]: numbers of the nodes among those of the contact behind, and of that ahead
-    place: np.ndarray    # int64 [5]: of the momenta in the history, first node, nodes; pairs of neighbouring contacts before these;
+    place: np.ndarray    # int64 [5]: of the momenta in the history, first node, nodes; pairs of contacts before these;
     # in a plane the first number of the director with inertia among those of a point.
     # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them ds/dt of the contacts
     # [S], and the work of the weight

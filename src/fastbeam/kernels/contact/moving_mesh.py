@@ -398,6 +398,7 @@ def assemble_moving(beam, method, system, h):
 @assemble.register(MovingRows, Conserving)
 @kernel
 def assemble_rows(term, method, system, h):
+    """Add the rows of a beam that wait for those of contacts."""
     beam, work, dofs = term.beam, system.work, system.dofs
     if beam.following.condensed[beam.first[0], WAITS] != 0:
         for k in range(beam.tables.meta.shape[0]):
@@ -412,6 +413,12 @@ def assemble_moving_at_rest(beam, method, system, h):
     for j in range(beam.slider.shape[0]):
         system.work.s_end[beam.slider[j]] = system.state.s[beam.slider[j]]
     assemble_moving(beam, method, system, 0.0)
+
+
+@assemble.register(MovingRows, Equilibrium)
+@kernel
+def assemble_rows_at_rest(term, method, system, h):
+    assemble_rows(term, method, system, 0.0)
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Places of element ends that follow contacts, and of contacts on the mesh, theory.md (5.24).
 
-A contact at s has an element end at y(s) = s + e(s) - e'(s): y = s but near the ends of the beam, from which y keeps a distance.
-There the contact lies inside an element, at u(s) along the beam as it was compiled, whose nodes are those of the mesh.
+The element end of a contact at s is at y(s) = s + e(s) - e(L - s), which is s but near the ends of the beam, from which y keeps a
+distance. There the contact lies inside an element, at u(s) along the beam as it was compiled, whose nodes are those of the mesh.
 
 Arrays: reach [F, 4], shift [F, 3] and condensed [F, 4] of `slider.Following`; s [*], places of all sliders.
 """
@@ -16,14 +16,14 @@ from fastbeam.kernels.jit.decorators import inlined, kernel
 # the end of the step, and the derivative of the former by the place at the end
 LENGTH, FROM_START, FROM_END, NODE_AT = range(4)
 MEAN, SLOPE, BEND = range(3)
-# columns of `Following.condensed`: 1 where inner nodes are eliminated from the border, now and while contacts are nodes; where rows
-# of the beam wait for the forces of contacts on inner nodes, now and while contacts are inside elements
+# columns of `Following.condensed`: 1 where inner nodes are eliminated from the border, now and while contacts are nodes; where
+# rows of the beam wait for the forces of contacts on inner nodes, now and while contacts are inside elements
 NOW, ALLOWED, WAITS, MAY_WAIT = range(4)
 
 
 class Excess(NamedTuple):
-    """By how much a distance x from an end is widened: e at both ends of a step, its mean slope, its slope at the end of the step,
-    and the derivative of the mean slope by x at the end."""
+    """Length e that is added to a distance x from an end: at both ends of a step, its mean slope, its slope at the end of the
+    step, and the derivative of the mean slope by x at the end."""
 
     start: float
     end: float

@@ -147,8 +147,8 @@ class Mesh:
 
 
 def kept_from(beam: Beam, at: float) -> float:
-    """Return the distance that the element end at a contact keeps from an end of its beam, at so far from that at the start; where
-    an element ends there, at most half of it, m."""
+    """Return the distance that the element end of a contact keeps from an end of its beam, m; at: distance of the contact at the
+    start, of which it is at most half where an element ends there."""
     ends = beam.basis.element_ends[1:-1]
     own = at > 0.0 and bool(np.min(np.abs(np.concatenate((ends, beam.length - ends)) - at), initial=np.inf) < 1e-9 * beam.length)
     return min(KEPT * beam.length / beam.n_elements, 0.5 * at if own else np.inf)
