@@ -13,7 +13,7 @@ STEP = 1e-5
 
 
 def followed() -> object:
-    return no_following(1)._replace(reach=np.array([[LENGTH, R, R, NODE]]), shift=np.zeros((1, 3)))
+    return no_following(1)._replace(reach=np.array([[LENGTH, R, R, NODE]]), shift=np.zeros((1, 5)))
 
 
 def test_ends_keep_a_distance_from_the_ends_of_the_beam() -> None:
@@ -41,7 +41,7 @@ def of_step(follow: object, s0: float, s1: float) -> dict[str, tuple[float, tupl
     """Place at the end of a step and (mean slope, slope, derivative of the mean slope)."""
     put_shift(follow, 0, s0, s1)
     u = on_mesh(follow, 0, s0, s1)
-    return {"y": (place_of(follow, 0, s1), tuple(follow.shift[0])), "u": (u.end, (u.mean, u.slope, u.bend))}
+    return {"y": (place_of(follow, 0, s1), tuple(follow.shift[0, :3])), "u": (u.end, (u.mean, u.slope, u.bend))}
 
 
 @pytest.mark.parametrize("s0", PLACES)
@@ -56,6 +56,8 @@ def test_divided_differences_and_derivatives(s0: float, s1: float) -> None:
         assert slope == pytest.approx(0.5 * (ahead[name][0] - back[name][0]) / STEP, abs=1e-6)
         assert bend == pytest.approx(0.5 * (ahead[name][1][0] - back[name][1][0]) / STEP, abs=1e-2)
     assert slope_of(follow, 0, s1) == here["y"][1][1]
+    put_shift(follow, 0, s0, s1)
+    assert tuple(follow.shift[0, 3:]) == (start["y"][0], here["y"][0])
 
 
 def test_a_contact_away_from_the_ends_is_the_node() -> None:

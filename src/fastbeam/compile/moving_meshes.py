@@ -128,7 +128,7 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
     ends = np.array([np.count_nonzero((x - numbers.start(mesh.beam)) % mesh.beam.degree == 0) for mesh, x in around])
     following = Following(at, nodes, ends, np.zeros((count, most, 12)), np.zeros((count, 3)), two, np.zeros((count, 6)),
                           np.zeros((count, most)), pair, two, np.ones(1), np.zeros((count, 4), np.int64),
-                          np.concatenate([mesh.reach for mesh in meshes]), np.zeros((count, 3)))
+                          np.concatenate([mesh.reach for mesh in meshes]), np.zeros((count, 5)))
     place, first, tables, contacts = model.place_for(Moving), 0, [], []
     moved = {mesh.beam for mesh in meshes}
     of_beam = dict(zip((beam for beam in scene.beams if beam in moved), tables_of, strict=True))

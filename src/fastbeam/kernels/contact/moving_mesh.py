@@ -16,7 +16,7 @@ from fastbeam.kernels.algebra.vectors import WIDTH, address, dot, ld3, st3, vld,
 from fastbeam.kernels.beams.element_loop import Case, evaluate_lanes, gather_group, scatter_group
 from fastbeam.kernels.beams.inner_nodes import Inner, NoInner, eliminate_group
 from fastbeam.kernels.beams.motions import motion
-from fastbeam.kernels.contact.moving_beam import MovingBeam, MovingRows, density_place, ends_of, height_of
+from fastbeam.kernels.contact.moving_beam import MovingBeam, MovingRows, density_place, height_of
 from fastbeam.kernels.contact.moving_elements import (
     BASE,
     CORNER,
@@ -32,7 +32,9 @@ from fastbeam.kernels.contact.moving_elements import (
     put_momenta,
 )
 from fastbeam.kernels.contact.moving_places import (
+    AFTER,
     ALLOWED,
+    BEFORE,
     BEND,
     MAY_WAIT,
     MEAN,
@@ -62,14 +64,6 @@ def rate_of(beam, contact, h):
 
 
 @kernel
-def rate_of_end(beam, contact, h):
-    """Return the mean rate of the element end that follows a contact, as `rate_of`, from the numbers of `put_shifts`."""
-    if contact < 0:
-        return 0.0
-    return beam.following.shift[beam.first[0] + contact, MEAN] * rate_of(beam, contact, h)
-
-
-@kernel
 def put_shifts(beam, state, work):
     """Store how element ends follow their contacts in the step; return whether all contacts stay at element ends."""
     following, on_nodes = beam.following, True
@@ -81,14 +75,19 @@ def put_shifts(beam, state, work):
 
 
 @kernel
-def put_ends(beam, k, scratch, x, state, work, h):
-    """Store lengths of the elements of group k at both ends of the step, mean rates of their ends, and shares."""
+def put_ends(beam, k, scratch, x, h):
+    """Store lengths of the elements of group k at both ends of the step, mean rates of their ends, and shares, from the numbers
+    of `put_shifts`."""
+    shift, first = beam.following.shift, beam.first[0]
     for lane in range(8):
         e = beam.lane[8 * k + lane]
-        a0, b0 = ends_of(beam, e, state.s)
-        a1, b1 = ends_of(beam, e, work.s_end)
-        behind = rate_of_end(beam, beam.slot[e, 0], h)
-        ahead = rate_of_end(beam, beam.slot[e, 1], h)
+        a0 = a1 = behind = ahead = 0.0
+        b0 = b1 = beam.length[0]
+        a, b = beam.slot[e, 0], beam.slot[e, 1]
+        if a >= 0:
+            a0, a1, behind = shift[first + a, BEFORE], shift[first + a, AFTER], shift[first + a, MEAN] * rate_of(beam, a, h)
+        if b >= 0:
+            b0, b1, ahead = shift[first + b, BEFORE], shift[first + b, AFTER], shift[first + b, MEAN] * rate_of(beam, b, h)
         o = x.first + lane
         scratch[o + LENGTHS] = (beam.share[e, 1] - beam.share[e, 0]) * (b0 - a0)
         # a step in which an element vanishes fails
@@ -208,7 +207,7 @@ def gather_moving(beam, k, at, x, step, state, work, h, dofs):
             moved_end = vld(scratch, o + x.node, 0) - end
             vst(scratch, o + x.node, 0, moved_end)
             vst(scratch, o, 0, 0.5 * (vld(scratch, x.rows + x.vector * a + i, 0) - start + moved_end))
-    put_ends(beam, k, beam.scratch, x, state, work, h)
+    put_ends(beam, k, beam.scratch, x, h)
     points = beam.mass_point.shape[1]
     for g in range(points):
         gather_momenta.call(dofs, beam, k, points, g, state.history, beam.scratch, x.momenta)

@@ -3,7 +3,7 @@
 The element end of a contact at s is at y(s) = s + e(s) - e(L - s), which is s but near the ends of the beam, from which y keeps a
 distance. There the contact lies inside an element, at u(s) along the beam as it was compiled, whose nodes are those of the mesh.
 
-Arrays: reach [F, 4], shift [F, 3] and condensed [F, 4] of `slider.Following`; s [*], places of all sliders.
+Arrays: reach [F, 4], shift [F, 5] and condensed [F, 4] of `slider.Following`; s [*], places of all sliders.
 """
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from fastbeam.kernels.jit.decorators import inlined, kernel
 
 # columns of `Following.reach`: length of the beam, distances kept from its start and its end, 0 where other contacts are between,
 # and the place of the element end on the beam as it was compiled; of `Following.shift`: mean slope of y in the step, its slope at
-# the end of the step, and the derivative of the former by the place at the end
+# the end of the step, the derivative of the former by the place at the end, and y at both ends of the step
 LENGTH, FROM_START, FROM_END, NODE_AT = range(4)
-MEAN, SLOPE, BEND = range(3)
+MEAN, SLOPE, BEND, BEFORE, AFTER = range(5)
 # columns of `Following.condensed`: 1 where inner nodes are eliminated from the border, now and while contacts are nodes; where
 # rows of the beam wait for the forces of contacts on inner nodes, now and while contacts are inside elements
 NOW, ALLOWED, WAITS, MAY_WAIT = range(4)
@@ -93,6 +93,8 @@ def put_shift(following, f, s0, s1):
     following.shift[f, MEAN] = 1.0 + low.mean + high.mean
     following.shift[f, SLOPE] = 1.0 + low.slope + high.slope
     following.shift[f, BEND] = low.bend - high.bend
+    following.shift[f, BEFORE] = s0 + low.start - high.start
+    following.shift[f, AFTER] = s1 + low.end - high.end
 
 
 class OnMesh(NamedTuple):

@@ -79,7 +79,7 @@ class Following(NamedTuple):
     gravity: np.ndarray  # float64 [1]: factor of gravity on their beams
     condensed: np.ndarray  # int64 [F, 4]: what is eliminated, as in moving_places.py, the same for all contacts of a beam
     reach: np.ndarray    # float64 [F, 4]: where the beam ends, and
-    shift: np.ndarray    # float64 [F, 3]: how element ends follow there, as in moving_places.py
+    shift: np.ndarray    # float64 [F, 5]: how element ends follow there, as in moving_places.py
 
 
 def no_following(sliders: int) -> Following:
@@ -87,7 +87,7 @@ def no_following(sliders: int) -> Following:
     none = np.zeros(0, np.int64)
     return Following(np.full((sliders, 4), -1), np.zeros((0, 1), np.int64), none, np.zeros((0, 1, 12)), np.zeros((0, 3)),
                      np.zeros((0, 2)), np.zeros((0, 6)), np.zeros((0, 1)), none, np.zeros((0, 2)), np.ones(1),
-                     np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 3)))
+                     np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 5)))
 
 
 # columns of `Following.at`
