@@ -15,8 +15,7 @@ TABLES = {
     "Compiling and running": (
         Analysis.PLANAR, Analysis.COMPARED, Analysis.ORDER_4, Analysis.COMPOSED, Analysis.FILTERED, Analysis.STEP_CONTROL,
         Analysis.GRAVITY_IN_TIME, Analysis.BLOWS, Analysis.MASSES, Analysis.PROJECTION,
-        Analysis.CATCHING, Analysis.INNER, Analysis.POINT_INSIDE,
-        Analysis.ADJOINT),
+        Analysis.CATCHING, Analysis.INNER, Analysis.ADJOINT),
     "Equilibria": (
         Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.STICK,
         Analysis.BUCKLING, Analysis.SENSITIVITY,

@@ -22,6 +22,7 @@ from fastbeam.compile.condense import Condensed
 from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
 from fastbeam.compile.moving_meshes import meshes_of, moving_tables, with_tables
+from fastbeam.compile.remeshing import remeshed
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
@@ -69,9 +70,9 @@ CHOICE = Flag(("auto",))
 KNOT_SHARE = 1e-6
 
 
-@checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
+@checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE, moving=CHOICE)
 def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto",
-                  condense: bool | str = "auto") -> Model:
+                  condense: bool | str = "auto", moving: bool | str = False) -> Model:
     """Compile a scene to constant tables.
 
     Parameters
@@ -91,6 +92,10 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         Condense the beams of nets, and pieces of long beams with Lagrange elements, to their ends, eight equal ones at a time and
         on several threads, so that the solver sees these ends only (theory.md 9). Same results to round-off; 'auto' does it in
         large scenes, where it pays.
+    moving : {False, True, 'auto'}
+        Let the elements of beams with sliders move with the contacts, which then have no error of the mesh (theory.md 5.12), as
+        `with_moving_meshes`, but for the beams of the scene themselves: results have rows for the material points at their nodes.
+        True refuses a scene whose elements cannot move and says why; 'auto' compiles it as it is.
 
     Raises
     ------
@@ -104,9 +109,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if not isinstance(scene, Scene):
         raise SceneError(f"compile_scene: needs a Scene, got {shown(scene)}; put the parts into one: "
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
-    as_given, (scene, meshes) = scene, meshes_of(scene)
+    as_given, (scene, own) = scene, _with_moving(scene, moving)
+    scene, meshes = meshes_of(scene)
     scene.check()
     numbered = number(scene)
+    numbered.nodes.know(own)
     unpacked = unpack(scene, numbered, pack_at_rest, meshes)
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
     if planar is True and found is None:
@@ -117,7 +124,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if condensed.carriers is not None:
         constraints -= sum(1 + isinstance(scene.sliders[k], Sleeve) for k in condensed.carriers.slider.tolist())
     ordered = order(numbered, condensed, solver, eliminate_inner, constraints, kept)
-    model = with_tables(pack(scene, unpacked, condensed, ordered), scene, meshes, moving_tables(condensed, ordered))
+    model = with_tables(pack(scene, unpacked, condensed, ordered), scene, meshes, moving_tables(condensed, ordered), own)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # copies of the scene, because the user may add parts to it before other models of it are compiled
     as_compiled, numbered_as = copy(as_given), copy(scene)
@@ -125,10 +132,30 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     model = replace(
         model, plane=plane,
         find_holding=partial(_holding, numbered_as, numbered.nodes, numbered.joints),
-        uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
-        uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))
+        uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False, moving=moving),
+        uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False,
+                            moving=moving))
     model = model.with_remarks(not_planar=not_planar, asked_for_plane=planar is True)
     return model.with_remarks(text=describe(scene, model))
+
+
+def _with_moving(scene: Scene, moving: bool | str) -> tuple[Scene, dict[Beam, Beam]]:
+    """Return the scene with moving meshes, if asked for and, with 'auto', if it can have any, and its beams by those in their
+    place."""
+    if not moving or moving == "auto" and not scene.sliders:
+        return scene, {}
+    try:
+        out, own = remeshed("compile_scene: moving=True", scene)
+        for there, given in own.items():
+            if there.n_nodes != given.n_nodes:
+                raise SceneError(f"compile_scene: moving=True: {given.label} has {given.n_elements} elements, but its sliders "
+                                 f"need {there.n_elements} on moving meshes, one on either side; give it more")
+        meshes_of(out)
+    except SceneError:
+        if moving is True:
+            raise
+        return scene, {}
+    return out, own
 
 
 def _out_of_plane(scene: Scene, reason: str) -> SceneError:

@@ -113,9 +113,9 @@ def moving_tables(condensed: Condensed, ordered: Ordered) -> list[ElementTables]
     return out
 
 
-def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[ElementTables]) -> Any:
+def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[ElementTables], own: dict[Beam, Beam]) -> Any:
     """Return the model with the terms of its moving meshes and the velocities at the start; tables_of: of the elements of every
-    mesh, in the order of the beams of the scene."""
+    mesh, in the order of the beams of the scene; own: beams that the user knows, by those in their place."""
     if not meshes:
         return model
     numbers, number = model.numbers, {slider: k for k, slider in enumerate(scene.sliders)}
@@ -148,7 +148,8 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
     for k, (_, x) in enumerate(around):
         nodes[k, :x.size] = x
     moving = Moving(tuple(tables), [slider.name for slider in every], following, np.array([number[x] for x in every]),
-                    np.array(contacts), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(count), scene.gravity_time)
+                    np.array(contacts), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(count),
+                    tuple(own.get(mesh.beam, mesh.beam).node_s for mesh in meshes), scene.gravity_time)
     # meshes move with the contacts, which the initial velocities of the material do not know
     v, rates = moving.with_mesh(model, model.q0, model.s0, model.v0)
     model = replace(model.with_features(replace(moving, rates=rates)), v0=v)

@@ -54,32 +54,39 @@ def with_moving_meshes(scene: Scene) -> Scene:
     """
     if not isinstance(scene, Scene):
         raise SceneError(f"with_moving_meshes: needs a Scene, got {shown(scene)}; put the parts into one: fb.Scene(beam, ...)")
+    return remeshed("with_moving_meshes", scene)[0]
+
+
+def remeshed(who: str, scene: Scene) -> tuple[Scene, dict[Beam, Beam]]:
+    """Return the scene with a `MovingMesh` for every beam with sliders, and the given beams by those in their place. Raises
+    SceneError, as `with_moving_meshes` does; who: caller in messages."""
     if not scene.sliders:
-        raise SceneError(f"with_moving_meshes: {scene.label} has no sliders; compile it as it is")
+        raise SceneError(f"{who}: {scene.label} has no sliders; compile it as it is")
     if any(isinstance(part, MovingMesh) for part in scene.parts):
-        raise SceneError(f"with_moving_meshes: {scene.label} has moving meshes; compile it as it is")
+        raise SceneError(f"{who}: {scene.label} has moving meshes; compile it as it is")
     on: dict[Beam, list[Slider]] = {}
     for slider in scene.sliders:
         if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
-            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; moving meshes need single "
+            raise SceneError(f"{who}: slider {slider.name!r} is on {slider.beam.label}; moving meshes need single "
                              "beams, not paths, switches or beams of nets")
-        check_acting("with_moving_meshes", slider)
+        check_acting(who, slider)
         element = slider.beam.length / slider.beam.n_elements
         own = isinstance(slider, Sleeve) and slider.length and not has_coulomb(slider)
         if own and abs(slider.length - element) > 1e-12 * element:
-            raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, but a "
+            raise SceneError(f"{who}: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, but a "
                              "moving mesh needs a sleeve that acts at one point. Leave length out, give length=0, or compile "
                              "the scene as it is")
         on.setdefault(slider.beam, []).append(slider)
     for some in on.values():
-        check_places("with_moving_meshes", some[0].beam, some)
+        check_places(who, some[0].beam, some)
     new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}
     swap = _Remeshed(scene, new)
     parts = [swap._swapped(part) for part in scene.parts]
     sliders = [part for part in parts if isinstance(part, Slider)]
     meshes = [MovingMesh(beam, [slider for slider in sliders if slider.beam is beam]) for beam in new.values()]
-    return Scene(*parts, *meshes, name=scene.name, gravity=scene.gravity, gravity_time=scene.gravity_time,
-                 project_velocities=scene.project_velocities)
+    out = Scene(*parts, *meshes, name=scene.name, gravity=scene.gravity, gravity_time=scene.gravity_time,
+                project_velocities=scene.project_velocities)
+    return out, {there: given for given, there in new.items()}
 
 
 def _cut(beam: Beam, at: list[float]) -> Beam:
@@ -88,12 +95,18 @@ def _cut(beam: Beam, at: list[float]) -> Beam:
     kept = KEPT * beam.length / beam.n_elements
     places = [place_at(x, beam.length, kept * (k == 0), kept * (k == len(at) - 1)) for k, x in enumerate(at)]
     fixed = np.array([0.0, *places, beam.length])
-    n = beam.n_elements
-    if len(at) == 1:
-        # wherever the contact goes
-        parts = np.array((max(1, n // 2), max(1, n - n // 2)))
-    else:
-        # inner rounding removes round-off beside halves
-        parts = np.maximum(1, np.round(np.round(n * np.diff(fixed) / beam.length, 9))).astype(int)
+    # half of them on either side of one contact, wherever it goes
+    parts = _shares(beam.n_elements, np.ones(2) if len(at) == 1 else np.diff(fixed) / beam.length)
     ends = [np.linspace(a, b, m + 1)[:-1] for a, b, m in zip(fixed[:-1], fixed[1:], parts)]
     return replace(beam, elements=np.concatenate((*ends, [beam.length])))
+
+
+def _shares(n: int, parts: Array) -> Array:
+    """Return how many of n elements, at least one, belong to each of some parts, float64 [m], in proportion to their sizes."""
+    # rounding removes round-off beside halves
+    ideal = np.round(n * parts / np.sum(parts), 9)
+    out = np.maximum(1, np.floor(ideal)).astype(int)
+    while (left := n - int(out.sum())) and (left > 0 or out.max() > 1):
+        k = int(np.argmax(ideal - out) if left > 0 else np.argmin(np.where(out > 1, ideal - out, np.inf)))
+        out[k] += 1 if left > 0 else -1
+    return out

@@ -132,10 +132,14 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
         events.append({"kind": "extrapolation", "time": t_end, "text": text})
     velocities, spins = (None if b is None else between(a[shapes[0]], b[shapes[1]]) for a, b in (
         (coarse.velocities, fine.velocities), (coarse.spins, fine.spins)))
+    mesh = None
+    if coarse.mesh is not None and fine.mesh is not None:
+        a, b = coarse.mesh[shapes[0]], fine.mesh[shapes[1]]
+        mesh = np.concatenate((between(a[:, :, :1], b[:, :, :1]), triads_between(a[:, :, 1:], b[:, :, 1:])), axis=2)
     result = Result(t=fine.t[rows[1]], series=series, model_text=fine.model_text, info=info, names=fine.names,
                     t_snap=fine.t_snap[shapes[1]], phi=between(coarse.phi[shapes[0]], fine.phi[shapes[1]]),
                     directors=triads_between(coarse.directors[shapes[0]], fine.directors[shapes[1]]), velocities=velocities,
-                    spins=spins, events=events)
+                    spins=spins, mesh=mesh, events=events)
     result.state = state_between(model, coarse.state, fine.state, step)
     result.checkpoint = Clock(t_end, t_end, step, step, t_end).checkpoint(model, result.state, False, None)
     return result

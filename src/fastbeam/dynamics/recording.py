@@ -13,6 +13,7 @@ from fastbeam.dynamics.options import Output
 from fastbeam.interface.errors import ResultFileError
 from fastbeam.kernels.state import State
 from fastbeam.model.maps import spins
+from fastbeam.model.rates import own_shape
 from fastbeam.results.observe.observer import Observer
 from fastbeam.results.result import ResultBuffer, ResultHeader
 from fastbeam.stepping.stepper import Stepper
@@ -86,12 +87,9 @@ class Rows:
 
     def _shape(self, t: float, state: State) -> None:
         """Keep a shape."""
-        q = state.q.reshape(-1, 4, 3)
-        moving: tuple[Array, ...] = ()
-        if self.memory.header.velocities:
-            v = state.v.reshape(-1, 4, 3)
-            moving = v[:, 0], spins(q, v)
-        self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
+        q, v, mesh = own_shape(self.stepper.model, state)
+        rates = (v[:, 0], spins(q, v)) if self.memory.header.velocities else (None, None)
+        self._feed("snapshot", t, q[:, 0], q[:, 1:], *rates, mesh)
 
     def reopen(self, t: float) -> None:
         """Take the present state for the waiting row of this time; steps ahead tell its forces."""

@@ -28,7 +28,6 @@ class Analysis(Enum):
     PROJECTION = "Scene(project_velocities=True)"
     CATCHING = "since= of supports"
     INNER = "observe=('inner',)"
-    POINT_INSIDE = "points={name: (beam, s)}"
     GRAVITY_IN_TIME = "Scene(gravity_time=...)"
     STATIC = "solve_static"
     EXACT = "solve_static(contacts='exact')"
@@ -59,12 +58,11 @@ AT_REST = (Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analy
 
 
 class Asked(NamedTuple):
-    """Context of a check of features: the model, the caller, sliders that are locked, bool [S], and a part of the scene."""
+    """Context of a check of features: the model, the caller, and sliders that are locked, bool [S]."""
 
     model: Any
     who: str
     held: Array
-    part: Any = None
 
 
 class Lack(NamedTuple):
@@ -117,22 +115,20 @@ def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None
                 yield lack, names
 
 
-def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None,
-            part: Any = None) -> Iterator[tuple[Lack, list[str]]]:
+def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None) -> Iterator[tuple[Lack, list[str]]]:
     """Yield the limits of an analysis with a model, as `told`."""
-    return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held, part))
+    return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held))
 
 
-def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None, part: Any = None) -> None:
+def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None) -> None:
     """Check that an analysis supports all features of a model.
 
     who: name of the analysis in messages; default: as the user writes it.
     held: bool [S], sliders that are locked, whose forces along their beams do not count.
-    part: part of the scene, for an analysis of one part.
     Raises SceneError: names the parts concerned and the alternative.
     """
     name = analysis.value if who is None else who
-    refuse(list(lacking(analysis, model, name, held, part)), name)
+    refuse(list(lacking(analysis, model, name, held)), name)
 
 
 def refuse(found: list[tuple[Lack, list[str]]], name: str) -> None:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -146,6 +146,10 @@ class NodeList:
         """Return the reference positions and directors of some nodes, [n, 4, 3]."""
         pick = list(nodes)
         return np.concatenate((self.phi[pick, None], self.directors[pick]), axis=1)
+
+    def know(self, given: Mapping[Any, Any]) -> None:
+        """Let the beams that a user knows stand for those in their place; given: the former by the latter."""
+        self.first |= {own: self.first[there] for there, own in given.items()}
 
     def start(self, part: Any) -> int:
         """Return the global number of the first node of a beam, a beam of a net, a net, body or mass. Raises KeyError: the part

@@ -13,6 +13,15 @@ from fastbeam.model.model import Model
 Array = np.ndarray
 
 
+def own_shape(model: Model, state: State) -> tuple[Array, Array, Array | None]:
+    """Return the coordinates and rates [N, 4, 3] of all nodes in a state, those of moving meshes at the arc lengths of their
+    beams; and the coordinates of the nodes of moving meshes [M, 4, 3], None without any."""
+    q = state.q.reshape(-1, 4, 3)
+    if model.moving is None:
+        return q, state.v.reshape(-1, 4, 3), None
+    return *model.moving.own_shape(state), q[model.moving.nodes]
+
+
 def rates_in(model: Model, state: State) -> Array:
     """Return the rates of all coordinates and places in a state, [12 N + P]."""
     return state.v if model.moving is None else np.concatenate((state.v, model.moving.places_in(state.history)))

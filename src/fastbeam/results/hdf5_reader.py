@@ -221,7 +221,8 @@ def _parse_header(raw: Any) -> ResultHeader:
         _expect(f"shape of {name}", shape, list)
         if len(shape) > 4:
             raise ValueError(f"shape of {name}: {len(shape)} axes")
-    for size in (raw["n_nodes"], *(k for shape in series.values() for k in shape)):
+    mesh = raw.get("mesh", 0)
+    for size in (raw["n_nodes"], mesh, *(k for shape in series.values() for k in shape)):
         if type(size) is not int or not 0 <= size < 2**40:
             raise ValueError(f"header: {size!r:.60} is not a size")
     moving = raw.get("velocities", False), raw.get("spins", False)
@@ -229,7 +230,7 @@ def _parse_header(raw: Any) -> ResultHeader:
         _expect(name, there, bool)
     return ResultHeader(raw["model_text"], raw["info"], raw["names"], raw["n_nodes"],
                         {name: tuple(shape) for name, shape in series.items()}, tuple(map(str, raw["integer"])),
-                        *moving)
+                        *moving, mesh)
 
 
 def _checked_info(info: dict[str, Any]) -> dict[str, Any]:

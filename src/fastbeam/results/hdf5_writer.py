@@ -8,7 +8,7 @@ how many lines count. Texts (header, events, final info) are bytes of JSON.
     format, version        attributes
     header                 uint8 [k]      JSON of ResultHeader
     rows/<series>          [n, ...]       one dataset per series, 't' among them
-    snapshots/<name>       [m, ...]       t_snap, phi, directors, velocities, spins
+    snapshots/<name>       [m, ...]       t_snap, phi, directors, velocities, spins, mesh
     events, final_info     uint8 [k]      JSON lines; JSON
     blocks                 int64 [b, 5]   rows, snapshots, bytes of events, bytes of final_info, CRC-32 of all of it
     committed              int64 [2]      b, -b - 1
@@ -100,7 +100,7 @@ class ResultWriter:
                                   "is the limit of readers; put beams into nets, or run without file=")
         self._state = _Waiting(header, dict.fromkeys(COUNTS, 0), 0, zlib.crc32(texts))
         self._events = 0
-        self._snapshot_bytes = 8 * (1 + (12 + 3 * header.velocities + 3 * header.spins) * header.n_nodes)
+        self._snapshot_bytes = 8 * (1 + (12 + 3 * header.velocities + 3 * header.spins) * header.n_nodes + 12 * header.mesh)
         # absolute, so that a change of the current folder does not matter
         self._where = Path(os.path.realpath(self.path))
         self._raw = _open(self.path, self._where, overwrite)
@@ -134,11 +134,11 @@ class ResultWriter:
         self._flush_when_due()
 
     def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None = None,
-                 w: np.ndarray | None = None) -> None:
-        """Add the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v (m/s) and w (rad/s) [N, 3] where the
-        header says so."""
+                 w: np.ndarray | None = None, mesh: np.ndarray | None = None) -> None:
+        """Add the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v (m/s) and w (rad/s) [N, 3], mesh
+        [M, 4, 3] where the header says so."""
         self._check_open()
-        self._state.pending["snapshots"].append(shape_row(self.header, t, phi, d, v, w))
+        self._state.pending["snapshots"].append(shape_row(self.header, t, phi, d, v, w, mesh))
         self._flush_when_due()
 
     def event(self, event: dict[str, Any]) -> None:
@@ -314,7 +314,8 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
         if len(result.t):
             writer.append(result.series, result.t)
         for k, (t, phi, d) in enumerate(zip(result.t_snap, result.phi, result.directors, strict=True)):
-            writer.snapshot(float(t), phi, d, *(None if x is None else x[k] for x in (result.velocities, result.spins)))
+            more = result.velocities, result.spins, result.mesh
+            writer.snapshot(float(t), phi, d, *(None if x is None else x[k] for x in more))
         for event in result.events:
             writer.event(event)
 

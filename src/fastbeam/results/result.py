@@ -67,6 +67,7 @@ class ResultHeader:
     # velocities, spins: whether snapshots hold velocities and spins of the nodes [N, 3], too
     velocities: bool = False
     spins: bool = False
+    mesh: int = 0  # nodes of elements that move, whose coordinates snapshots hold besides, [mesh, 4, 3]
 
     def row_tables(self) -> tuple[dict[str, tuple[int, ...]], dict[str, type]]:
         """Return row shapes and types of the time series, 't' first."""
@@ -74,10 +75,11 @@ class ResultHeader:
         return shapes, {name: np.int64 if name in self.integer else np.float64 for name in shapes}
 
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
-        """Return row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they
-        are kept."""
+        """Return row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) and mesh
+        (M, 4, 3) where they are kept."""
         recorded = {"velocities": self.velocities, "spins": self.spins}
         moving = {name: (self.n_nodes, 3) for name, there in recorded.items() if there}
+        moving |= {"mesh": (self.mesh, 4, 3)} if self.mesh else {}
         return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3), **moving}
 
 
@@ -100,10 +102,10 @@ class ResultBuffer:
         self._rows.append({"t": times, **rows}, None if times.ndim == 0 else len(times))
 
     def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None = None,
-                 w: np.ndarray | None = None) -> None:
-        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v (m/s) and w (rad/s) [N, 3]
-        where the header says so."""
-        self._snapshots.append(shape_row(self.header, t, phi, d, v, w))
+                 w: np.ndarray | None = None, mesh: np.ndarray | None = None) -> None:
+        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v (m/s) and w (rad/s) [N, 3],
+        mesh [M, 4, 3] where the header says so."""
+        self._snapshots.append(shape_row(self.header, t, phi, d, v, w, mesh))
 
     def event(self, event: dict[str, Any]) -> None:
         """Keep an event {'kind', 'time', 'text', ...} (JSON-able)."""
@@ -177,7 +179,7 @@ SERIES, NAMED = as_series, Word()
 
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
-         phi=SERIES, directors=SERIES, velocities=SERIES, spins=SERIES, events=Items(dict))
+         phi=SERIES, directors=SERIES, velocities=SERIES, spins=SERIES, mesh=SERIES, events=Items(dict))
 class Result(Readings, Exports, Doubts):
     """A finished or aborted run.
 
@@ -205,6 +207,9 @@ class Result(Readings, Exports, Doubts):
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
     velocities, spins : ndarray [m, N, 3], optional
         Rates of the nodes at these times, m/s and rad/s, from runs with `observe=("velocity", ...)`; else None.
+    mesh : ndarray [m, M, 4, 3], optional
+        Positions and directors of nodes that move along their beams, whose rows of phi, directors, velocities and spins are those
+        of material points at the arc lengths `beam.node_s`; else None.
     events : list of dict
         {'kind', 'time', 'text', ...}.
 
@@ -224,7 +229,7 @@ class Result(Readings, Exports, Doubts):
     def __init__(self, *, t: ArrayLike, series: Mapping[str, ArrayLike] | None = None, model_text: str = "",
                  info: Mapping[str, object] | None = None, names: Mapping[str, Iterable[object]] | None = None,
                  t_snap: ArrayLike | None = None, phi: ArrayLike | None = None, directors: ArrayLike | None = None,
-                 velocities: ArrayLike | None = None, spins: ArrayLike | None = None,
+                 velocities: ArrayLike | None = None, spins: ArrayLike | None = None, mesh: ArrayLike | None = None,
                  events: Iterable[Mapping[str, object]] = ()) -> None:
         self.model_text = model_text
         self.info: dict[str, Any] = dict(info or {})
@@ -234,7 +239,8 @@ class Result(Readings, Exports, Doubts):
         self.t_snap = np.zeros(0) if t_snap is None else np.asarray(t_snap, dtype=np.float64)
         self.phi = np.zeros((0, 0, 3)) if phi is None else np.asarray(phi, dtype=np.float64)
         self.directors = np.zeros((*self.phi.shape, 3)) if directors is None else np.asarray(directors, dtype=np.float64)
-        self.velocities, self.spins = (None if x is None else np.asarray(x, dtype=np.float64) for x in (velocities, spins))
+        self.velocities, self.spins, self.mesh = (None if x is None else np.asarray(x, dtype=np.float64)
+                                                  for x in (velocities, spins, mesh))
         self.events: list[dict[str, Any]] = [dict(event) for event in events]
         self._check_shapes()
 
@@ -406,7 +412,8 @@ class Result(Readings, Exports, Doubts):
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
                             series={name: x.shape[1:] for name, x in self.series.items()},
                             integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"),
-                            velocities=self.velocities is not None, spins=self.spins is not None)
+                            velocities=self.velocities is not None, spins=self.spins is not None,
+                            mesh=0 if self.mesh is None else self.mesh.shape[1])
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no rows"
@@ -449,6 +456,8 @@ class Result(Readings, Exports, Doubts):
         for name, x in (("velocities", self.velocities), ("spins", self.spins)):
             if x is not None and x.shape != shape:
                 raise SceneError(f"snapshots: {name} {x.shape} do not fit positions {shape}")
+        if self.mesh is not None and (self.mesh.ndim != 4 or self.mesh.shape[0] != m or self.mesh.shape[2:] != (4, 3)):
+            raise SceneError(f"snapshots: mesh {self.mesh.shape} does not fit {m} times t_snap; expected ({m}, M, 4, 3)")
 
     def _check_names(self, n_nodes: int | None) -> None:
         """Refuse `names` whose nodes do not fit their number (None: no shapes are there)."""
@@ -477,10 +486,11 @@ class Result(Readings, Exports, Doubts):
                     raise SceneError(f"names: an entry of '{kind}' names nodes that it does not have")
 
 
-def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None, w: np.ndarray | None) -> Rows:
+def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None, w: np.ndarray | None,
+              mesh: np.ndarray | None) -> Rows:
     """Return a shape as a row of the tables of snapshots."""
     return {"t_snap": t, "phi": phi, "directors": d, **({"velocities": v} if header.velocities else {}),
-            **({"spins": w} if header.spins else {})}
+            **({"spins": w} if header.spins else {}), **({"mesh": mesh} if header.mesh else {})}
 
 
 def _are_nodes(numbers: Any, first: int, count: int) -> bool:

@@ -14,6 +14,7 @@ from fastbeam.dynamics.interrupt import Interrupts
 from fastbeam.interface.errors import ConvergenceError, Interrupted, carry
 from fastbeam.kernels.state import State
 from fastbeam.model.model import Model
+from fastbeam.model.rates import own_shape
 from fastbeam.results.observe.observer import Observer
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.results.result import Result, ResultBuffer
@@ -67,8 +68,8 @@ class StaticRows:
         """Keep a row and a shape, that of another state if given; where: describes the equilibrium in events."""
         self.buffer.append(row, at)
         self.passes.look(state.q, at, where)
-        q = (shown or state).q.reshape(-1, 4, 3)
-        self.buffer.snapshot(at, q[:, 0], q[:, 1:])
+        q, _, mesh = own_shape(self.model, shown or state)
+        self.buffer.snapshot(at, q[:, 0], q[:, 1:], mesh=mesh)
 
     def look_at_mesh(self, at: float, state: State) -> str:
         """Add events where elements are too coarse for an equilibrium; return the first as a text."""

@@ -16,6 +16,7 @@ from fastbeam.kernels.energies import STRAIN
 from fastbeam.kernels.layout import FACTORS
 from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
+from fastbeam.model.contact.material_points import MaterialPoints
 from fastbeam.model.contact.moving_tables import (
     element_lengths,
     mass_matrix,
@@ -30,6 +31,7 @@ from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import mean_factors
 from fastbeam.model.mapping import contact
 from fastbeam.model.maps import velocity_map
+from fastbeam.scene.checks import nearest_triads
 
 Array = np.ndarray
 # analyses at rest that know moving elements
@@ -57,10 +59,6 @@ class Moving(Feature):
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((Analysis.POINT_INSIDE,), "points inside",
-             "point {who!r}: the elements of {name} move, so no node stays at a material point inside",
-             "observe its start or end, or a point that slides on it",
-             lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
         without_adjoint("moving elements"))
 
     tables: tuple[Any, ...]  # the terms
@@ -71,6 +69,7 @@ class Moving(Feature):
     contacts: Array
     pairs: Array  # int64 [P, 2]: sliders at neighbouring contacts
     rates: Array  # float64 [F]: ds/dt at the start, m/s
+    node_s: tuple[Array, ...]  # arc lengths of the nodes of every beam as the user gave it, m
     gravity_time: Callable[[float], float] | None
     # in a plane that, and the feature in space
     plane: Any = None
@@ -203,6 +202,27 @@ class Moving(Feature):
     def nodes(self) -> Array:
         """All nodes of the beams, int64 [*]."""
         return np.unique(np.concatenate([table.node.reshape(-1) for table in self.tables]))
+
+    def own_shape(self, state: State) -> tuple[Array, Array]:
+        """Return the coordinates and rates [N, 4, 3] of all nodes where those of these beams are material points at their own arc
+        lengths, with orthonormal triads."""
+        q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+        every, rates = q.copy(), v.copy()
+        places = self.places_in(state.history)
+        for table, at in zip(self.tables, self.node_s):
+            first, of = int(table.first[0]), MaterialPoints(table, at, state.s)
+            own, nodes = of.of(q), slice(int(table.place[1]), int(table.place[1] + table.place[2]))
+            own[:, 1:] = nearest_triads(own[:, 1:])
+            every[nodes], rates[nodes] = own, of.rates(q, v, places[first:first + table.slider.size])
+        return every, rates
+
+    def point(self, first: int, at: float, state: State) -> tuple[Array, Array]:
+        """Return the coordinates and rates [4, 3] of the material point at this arc length of the beam with this first node."""
+        table = next(table for table in self.tables if first == int(table.place[1]))
+        q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+        of, begin = MaterialPoints(table, np.array([at]), state.s), int(table.first[0])
+        places = self.places_in(state.history)[begin:begin + table.slider.size]
+        return of.of(q)[0], of.rates(q, v, places)[0]
 
     # --- energies -----------------------------------------------------------------------------------------------------
     def add_motion(self, model: Any, state: State, out: Array) -> None:

@@ -364,7 +364,8 @@ class Observer:
         if model.moving is not None:
             names["slider_rates"] = model.moving.following.at[:, RATE].tolist()
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
-                            velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
+                            velocities=moving and self.of_nodes, spins=moving and self.of_nodes,
+                            mesh=0 if model.moving is None else model.moving.nodes.size)
 
 
 def books_of_start(model: Model, given: Any, state: State, t: float, notes: list[Any]) -> tuple[dict[str, Any], list[Any]]:

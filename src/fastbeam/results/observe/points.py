@@ -10,7 +10,6 @@ import numpy as np
 from fastbeam.interface.arguments import real, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
-from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.results.observe.resultants import Sections
 from fastbeam.scene import Beam, NodeRef, PointMass, RigidBody
@@ -37,6 +36,8 @@ class PointSeries:
         self._moves = {k: x for k, x in enumerate(self.sections)
                        if x is not None and model.moving is not None and model.moving.has(x.first)}
         self._model = model
+        # material points of beams whose elements move: first node of the beam, and arc length
+        self._inside = {k: at for k, what in enumerate(given.values()) if (at := _on_moving(model, what)) is not None}
         # points on damped beams: number, and section
         self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
         # coordinates of these beams in the newest row
@@ -54,15 +55,17 @@ class PointSeries:
     def row(self, state: State) -> dict[str, Any]:
         """Return the series of points in a state; section forces without those of damping."""
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+        inside = self._inside_at(state)
         out: dict[str, Any] = {}
         if self.places:
-            out["points"] = self._along(q)
+            out["points"] = self._along(q, inside)
         if self.velocity:
-            out["point_velocity"] = self._along(v)
+            out["point_velocity"] = self._along(v, inside, 1)
         if self.spin:
-            out["point_spin"] = np.array([_spin(*(self._triad(x, *place) for x in (q, v))) for place in self.places.values()])
+            both = zip(self._triads(q, inside), self._triads(v, inside, 1))
+            out["point_spin"] = np.array([_spin(*x) for x in both])
         if self.orientation:
-            out["point_directors"] = np.array([nearest_triads(self._triad(q, *place)) for place in self.places.values()])
+            out["point_directors"] = np.array([nearest_triads(x) for x in self._triads(q, inside)])
         if self.sections:
             out |= {name: np.full((len(self.places), 3), np.nan) for name in ("section_force", "section_moment")}
             for k, section in enumerate(self.sections):
@@ -73,14 +76,23 @@ class PointSeries:
             self._kept = [q[section.span].copy() for _, section in self.damped]
         return out
 
-    def _along(self, x: Array) -> Array:
-        """Return positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]."""
-        return np.array([np.einsum("ma,mac->c", weights, x[nodes]) for nodes, weights in self.places.values()])
+    def _inside_at(self, state: State) -> dict[int, tuple[Array, Array]]:
+        """Return coordinates and rates [4, 3] of points on beams whose elements move, by their numbers."""
+        return {k: self._model.moving.point(*at, state) for k, at in self._inside.items()}
 
-    @staticmethod
-    def _triad(x: Array, nodes: Array, weights: Array) -> Array:
-        """Return directors, or their rates, [3, 3]."""
-        return np.einsum("m,mkc->kc", weights[:, 0], x[nodes, 1:])
+    def _along(self, x: Array, inside: dict[int, tuple[Array, Array]], rates: int = 0) -> Array:
+        """Return positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]; inside: of `_inside_at`."""
+        out = np.array([np.einsum("ma,mac->c", weights, x[nodes]) for nodes, weights in self.places.values()])
+        for k, of in inside.items():
+            out[k] = of[rates][0]
+        return out
+
+    def _triads(self, x: Array, inside: dict[int, tuple[Array, Array]], rates: int = 0) -> Array:
+        """Return directors, or their rates, [P, 3, 3]."""
+        out = np.array([np.einsum("m,mkc->kc", weights[:, 0], x[nodes, 1:]) for nodes, weights in self.places.values()])
+        for k, of in inside.items():
+            out[k] = of[rates][1:]
+        return out
 
     # --- what steps tell --------------------------------------------------------------------------------------------------
     @property
@@ -93,7 +105,7 @@ class PointSeries:
         """Return copies of what `means` needs at an end of a step: velocities of points, coordinates and velocities of beams."""
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         beams = [x[section.span].copy() for _, section in self.damped for x in (q, v)]
-        return ([self._along(v)] if self.acceleration else []) + beams
+        return ([self._along(v, self._inside_at(state), 1)] if self.acceleration else []) + beams
 
     def means(self, before: list[Array], after: list[Array], h: float) -> Array:
         """Return accelerations and rates of strains, means over a step of size h between two looks, [measured]."""
@@ -133,11 +145,20 @@ def _section(model: Model, what: Any) -> Sections | None:
     return Sections(model, *what) if isinstance(what, tuple) else None
 
 
+def _on_moving(model: Model, what: Any) -> tuple[int, float] | None:
+    """Return the first node of a beam and the arc length of an observed point that elements move along; None for others."""
+    if isinstance(what, NodeRef) and isinstance(what.owner, Beam) and 0 < what.index < what.owner.n_nodes - 1:
+        what = what.owner, float(what.owner.basis.node_s[what.index])
+    if model.moving is None or not isinstance(what, tuple):
+        return None
+    first = model.numbers.start(what[0])  # type: ignore[union-attr]
+    return (first, float(what[1])) if model.moving.has(first) else None
+
+
 def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Return nodes [m] of an observed point, and weights [m, 4] of their positions and directors in it."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
-        require(Analysis.POINT_INSIDE, model, name, part=owner)
         at = real(s)
         if at is None or not 0.0 <= at <= owner.length:
             raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")
@@ -150,8 +171,6 @@ def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
             raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
                              f"got {shown(what)}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
-        if isinstance(owner, Beam) and 0 < node.index < owner.n_nodes - 1:
-            require(Analysis.POINT_INSIDE, model, name, part=owner)
     try:
         return model.numbers.start(owner) + local, weights
     except KeyError:

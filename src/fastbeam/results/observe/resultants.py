@@ -211,6 +211,9 @@ def _on_moving_mesh(model: Model, shapes: Result | State, beam: Beam, s: ArrayLi
                              "the shapes this result does not have; run with observe=('slider', ...) and rows at all times of "
                              "snapshots, or give a State")
         places = shapes.series["s_slide"][np.searchsorted(shapes.t, t)]
+        if shapes.mesh is not None:
+            phi, directors = phi.copy(), directors.copy()
+            phi[:, model.moving.nodes], directors[:, model.moving.nodes] = shapes.mesh[:, :, 0], shapes.mesh[:, :, 1:]
     found = []
     for k, place in enumerate(places):
         sections = Sections(model, beam, s, place)

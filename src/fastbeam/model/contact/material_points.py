@@ -1,0 +1,50 @@
+"""Material points of beams whose elements move with contacts (theory.md 5.12): shapes and rates at fixed arc lengths."""
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.model.contact.moving_tables import element_lengths, slopes_of
+from fastbeam.scene.interpolation.basis import build_basis
+
+Array = np.ndarray
+
+
+@cache
+def _curve(degree: int) -> Any:
+    """Return the shape functions of an element of length 1 as a curve."""
+    return build_basis("lagrange", degree, 1, 1.0).curve("own")
+
+
+class MaterialPoints:
+    """Points of a moving beam at arc lengths [m], with the places of all sliders.
+
+    nodes: int64 [m, n], of the elements around the points; values, slopes: float64 [m, n], shape functions and their derivatives by
+    the arc length.
+    """
+
+    def __init__(self, table: MovingBeam, at: Array, s: Array) -> None:
+        self.table, self._s = table, s
+        lengths = element_lengths(table, s)
+        begins = np.concatenate(([0.0], np.cumsum(lengths)[:-1]))
+        self._element = np.clip(np.searchsorted(begins, at, side="right") - 1, 0, None)
+        self._local = (at - begins[self._element]) / lengths[self._element]
+        _, self.values, slopes = _curve(table.node.shape[1] - 1).evaluate(self._local)
+        self.nodes, self.slopes = table.node[self._element], slopes / lengths[self._element, None]
+
+    def of(self, x: Array) -> Array:
+        """Interpolate coordinates [N, 4, 3], or rates of nodes that do not move along the beam: [m, 4, 3]."""
+        return np.einsum("mn,mnkc->mkc", self.values, x[self.nodes])
+
+    def rates(self, q: Array, v: Array, of_places: Array) -> Array:
+        """Return the rates of the material [m, 4, 3] from coordinates and rates of all nodes [N, 4, 3] and ds/dt of the contacts
+        of the beam [S]."""
+        table = self.table
+        along = np.append(slopes_of(table, self._s) * of_places, 0.0)[table.slot[self._element]]
+        share = table.share[self._element]
+        f = share[:, 0] + self._local * (share[:, 1] - share[:, 0])
+        mesh = (1.0 - f) * along[:, 0] + f * along[:, 1]
+        return self.of(v) - mesh[:, None, None] * np.einsum("mn,mnkc->mkc", self.slopes, q[self.nodes])
