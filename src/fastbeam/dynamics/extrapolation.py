@@ -140,7 +140,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
                     t_snap=fine.t_snap[shapes[1]], phi=between(coarse.phi[shapes[0]], fine.phi[shapes[1]]),
                     directors=triads_between(coarse.directors[shapes[0]], fine.directors[shapes[1]]), velocities=velocities,
                     spins=spins, mesh=mesh, events=events)
-    result.state = state_between(model, coarse.state, fine.state, step)
+    result.state, result._moving = state_between(model, coarse.state, fine.state, step), model.moving
     result.checkpoint = Clock(t_end, t_end, step, step, t_end).checkpoint(model, result.state, False, None)
     return result
 

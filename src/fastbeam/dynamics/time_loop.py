@@ -381,7 +381,7 @@ class _Run(Encounters):
             self.memory.event({"kind": "file", "time": clock.now, "text": str(self.rows.file_error)})
         result = self.memory.close(self.info)
         if present is not None:
-            result.checkpoint, result.state = present, present.state
+            result.checkpoint, result.state, result._moving = present, present.state, self.model.moving
         final = error or self.rows.file_error
         if isinstance(final, ConvergenceError) and any("blow" in event for event in result.events):
             final.args = (f"{final}{AFTER_BLOWS}",)

@@ -18,6 +18,7 @@ from fastbeam.kernels.layout import ARM, POSITION, TRIAD
 
 if TYPE_CHECKING:
     from fastbeam.kernels.state import State
+    from fastbeam.model.contact.moving_meshes import Moving
     from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -152,15 +153,17 @@ def along_material(model: Model, k: int, s: float, q: Array) -> Array:
     return np.asarray(slopes @ q[nodes, 0]) * (node_at / y if u < node_at else (length - node_at) / (length - y))
 
 
-def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> State:
-    """Map a state of another model, with these names, to this model: parts of the same name and shape keep their coordinates and
-    velocities, sliders of the same name their place. Parts that the other does not have take those of this model's initial state,
-    moved with the parts that they are joined to or slide on.
+def state_for(model: Model, names: Mapping[str, list[Any]], state: State, moving: Moving | None = None) -> State:
+    """Map a state of another model, with these names and moving meshes, to this model: parts of the same name and shape keep their
+    coordinates and velocities, sliders of the same name their place. Parts that the other does not have take those of this model's
+    initial state, moved with the parts that they are joined to or slide on.
 
     Raises SceneError: a part has other nodes than its namesake, or no part has a namesake.
     """
     fresh = model.state()
     own, given = ([x.reshape(-1, 4, 3) for x in (y.q, y.v)] for y in (fresh, state))
+    if moving is not None:
+        given = list(moving.own_shape(state))
     known = np.zeros(model.n_nodes, bool)
     for mine, other in _namesakes(model.names, names):
         known[mine] = True
@@ -181,18 +184,25 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
     # violations of joints of this model are kept: the check at the start of a run measures them
     fresh.q[:], fresh.v[:] = (np.where(known[:, None, None], x, follow(model, x)).reshape(-1) for x in own)
     if model.moving is not None:
-        _carry_rates(model, names, state, fresh)
+        _carry_meshes(model, names, state, fresh, moving)
     model.start_momenta(fresh.history, fresh.q, fresh.v, fresh.s)
     return fresh
 
 
-def _carry_rates(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
-    """Copy ds/dt of contacts on moving meshes; of those on meshes that stand, let nodes move with them."""
+def _carry_meshes(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State, moving: Moving | None) -> None:
+    """Copy nodes of moving meshes and ds/dt of their contacts from equal meshes; from others, whose material `fresh` has at the
+    arc lengths of beams, let nodes lie on it and move with the contacts."""
+    assert model.moving is not None
     theirs = dict(zip(names.get("sliders", []), names.get("slider_rates", [])))
     places = [theirs.get(model.names["sliders"][k], -1) for k in model.moving.sliders.tolist()]
-    if min(places) >= 0:
+    pairs = None if moving is None else model.moving.same_meshes(moving)
+    if pairs is not None and min(places) >= 0:
+        for mine, other in pairs:
+            for x, y in zip((fresh.q, fresh.v), (state.q, state.v)):
+                x.reshape(-1, 4, 3)[mine] = y.reshape(-1, 4, 3)[other]
         model.moving.put_places(fresh.history, state.history[places])
         return
+    model.moving.lay_out(fresh)
     fresh.v[:], rates = model.moving.with_mesh(model, fresh.q, fresh.s, fresh.v)
     model.moving.put_places(fresh.history, rates)
 

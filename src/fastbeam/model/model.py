@@ -364,9 +364,9 @@ class Model(WithFeatures):
             ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
         return ends
 
-    def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
-        """Map a state of another model, with these names of parts, to this model; see `Result.state_for`."""
-        return state_for(self, names, state)
+    def state_for(self, names: Mapping[str, list[object]], state: State, moving: Moving | None = None) -> State:
+        """Map a state of another model, with these names of parts and moving meshes, to this model; see `Result.state_for`."""
+        return state_for(self, names, state, moving)
 
     @property
     def panel_rows(self) -> int:

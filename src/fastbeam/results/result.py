@@ -226,6 +226,9 @@ class Result(Readings, Exports, Doubts):
     0.0
     """
 
+    # moving meshes of the model, for `state_for`
+    _moving: Any = None
+
     def __init__(self, *, t: ArrayLike, series: Mapping[str, ArrayLike] | None = None, model_text: str = "",
                  info: Mapping[str, object] | None = None, names: Mapping[str, Iterable[object]] | None = None,
                  t_snap: ArrayLike | None = None, phi: ArrayLike | None = None, directors: ArrayLike | None = None,
@@ -390,7 +393,7 @@ class Result(Readings, Exports, Doubts):
                              "itself, or a checkpoint to continue in the same model")
         if isinstance(model, type) or not hasattr(model, "state_for") or not hasattr(model, "n_nodes"):
             raise SceneError(f"state_for: needs a compiled model, got {shown(model)}; model = fb.compile_scene(scene)")
-        return model.state_for(self.names, state)
+        return model.state_for(self.names, state, self._moving)
 
     @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:

@@ -83,7 +83,7 @@ class StaticRows:
     def closed(self, state: State, **more: Any) -> Result:
         """Return the result so far with its last state, a copy; more: entries of `info`."""
         result = self.buffer.close(self.info | more | {"wall_time": time.perf_counter() - self.begin})
-        result.state = State(*(x.copy() for x in state))
+        result.state, result._moving = State(*(x.copy() for x in state)), self.model.moving
         return result
 
     @contextmanager

@@ -22,6 +22,7 @@ from fastbeam.model.contact.moving_tables import (
     mass_matrix,
     masses,
     momenta,
+    node_places,
     of_rates,
     places_of,
     table_in_plane,
@@ -31,6 +32,7 @@ from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import mean_factors
 from fastbeam.model.mapping import contact
 from fastbeam.model.maps import velocity_map
+from fastbeam.scene import Beam
 from fastbeam.scene.checks import nearest_triads
 
 Array = np.ndarray
@@ -69,7 +71,7 @@ class Moving(Feature):
     contacts: Array
     pairs: Array  # int64 [P, 2]: sliders at neighbouring contacts
     rates: Array  # float64 [F]: ds/dt at the start, m/s
-    node_s: tuple[Array, ...]  # arc lengths of the nodes of every beam as the user gave it, m
+    beams: tuple[Beam, ...]  # as the user gave them: results have rows for material points at their nodes
     gravity_time: Callable[[float], float] | None
     # in a plane that, and the feature in space
     plane: Any = None
@@ -209,12 +211,37 @@ class Moving(Feature):
         q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
         every, rates = q.copy(), v.copy()
         places = self.places_in(state.history)
-        for table, at in zip(self.tables, self.node_s):
-            first, of = int(table.first[0]), MaterialPoints(table, at, state.s)
-            own, nodes = of.of(q), slice(int(table.place[1]), int(table.place[1] + table.place[2]))
+        for table, beam in zip(self.tables, self.beams):
+            first, of, nodes = int(table.first[0]), MaterialPoints(table, beam.node_s, state.s), _span(table)
+            own = of.of(q)
             own[:, 1:] = nearest_triads(own[:, 1:])
             every[nodes], rates[nodes] = own, of.rates(q, v, places[first:first + table.slider.size])
         return every, rates
+
+    def lay_out(self, state: State) -> None:
+        """Move the nodes of moving beams in a state, where they have material points at the arc lengths of the beams, to where
+        they belong with the places of the sliders, with the rates of the material there."""
+        for table, beam in zip(self.tables, self.beams):
+            first, values, _ = beam.basis.curve("own").evaluate(node_places(table, state.s))
+            at = first[:, None] + np.arange(values.shape[1])
+            q, v = (x.reshape(-1, 4, 3)[_span(table)] for x in (state.q, state.v))
+            own, rates = (np.einsum("mn,mnkc->mkc", values, x[at]) for x in (q, v))
+            own[:, 1:] = nearest_triads(own[:, 1:])
+            # rates of directors keep these orthonormal
+            rates[:, 1:] = np.cross(0.5 * np.cross(own[:, 1:], rates[:, 1:]).sum(axis=1)[:, None], own[:, 1:])
+            q[:], v[:] = own, rates
+
+    def same_meshes(self, other: Moving) -> list[tuple[slice, slice]] | None:
+        """Return the nodes of all beams here and of their namesakes on the moving meshes of another model, None where some have
+        no namesake or its elements lie otherwise between its contacts."""
+        theirs = {beam.name: table for table, beam in zip(other.tables, other.beams)}
+        out = []
+        for table, beam in zip(self.tables, self.beams):
+            there = theirs.get(beam.name)
+            if there is None or not (np.array_equal(there.slot, table.slot) and np.array_equal(there.share, table.share)):
+                return None
+            out.append((_span(table), _span(there)))
+        return out
 
     def point(self, first: int, at: float, state: State) -> tuple[Array, Array]:
         """Return the coordinates and rates [4, 3] of the material point at this arc length of the beam with this first node."""
@@ -314,6 +341,11 @@ class Moving(Feature):
 def count_of_momenta(table: Any) -> int:
     """Return the number of momenta of a beam in the history."""
     return 12 * len(table.node) * table.mass_point.shape[1]
+
+
+def _span(table: Any) -> slice:
+    """Return the nodes of a beam."""
+    return slice(int(table.place[1]), int(table.place[1] + table.place[2]))
 
 
 def _size(table: Any) -> int:

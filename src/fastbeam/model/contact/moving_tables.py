@@ -222,6 +222,14 @@ def element_lengths(table: MovingBeam, s: Array) -> Array:
     return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
 
 
+def node_places(table: MovingBeam, s: Array) -> Array:
+    """Return the arc lengths of the nodes of a beam, with the places of all sliders: [n], m."""
+    h, p = element_lengths(table, s), table.node.shape[1] - 1
+    begins = np.concatenate(([0.0], np.cumsum(h)[:-1]))
+    inside = begins[:, None] + h[:, None] * _slopes_at_nodes(p)[0][:-1]
+    return np.append(inside.reshape(-1), table.length[0])
+
+
 class OfRates(NamedTuple):
     """Momenta of the points of an element, by mass, as linear functions of some rates."""
 
