@@ -118,3 +118,31 @@ def test_what_can_move() -> None:
     assert fb.compile_scene(fb.Scene(alone, fb.Clamp(alone.start)), moving="auto").moving is None
     with pytest.raises(fb.SceneError, match="has no sliders"):
         fb.compile_scene(fb.Scene(alone, fb.Clamp(alone.start)), moving=True)
+
+
+def test_modes_and_responses_have_rows_of_material_points() -> None:
+    scene, fine = rider(at=0.6, rate=0.0), rider(64, at=0.6, rate=0.0)
+    beam, places = scene.beams[0], scene.beams[0].node_s
+    found = []
+    for one, moving in ((scene, True), (fine, False)):
+        model = fb.compile_scene(one, moving=moving)
+        rest = fb.solve_static(model, held=True)
+        points = {str(k): (one.beams[0], float(s)) for k, s in enumerate(places)}
+        nodes = {"node": beam.node(10)} if moving else {}
+        response = fb.frequency_response(model, [2.0, 9.0], base=(0, 0, 1), state=rest.state, points=points | nodes, held=True,
+                                         shapes=moving)
+        found.append((model, rest, response))
+    (model, rest, own), (_, _, there) = found
+    nodes = model.numbers.span(beam)
+    np.testing.assert_allclose(own.displacements[:, :places.size], there.displacements, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(own.shape(1)[nodes], own.displacements[1, :places.size], rtol=0, atol=1e-12)
+    # w x d1 is the slope of the deflection between the nodes around
+    slope = (own.displacements[0, 11] - own.displacements[0, 9]) / (places[11] - places[9])
+    assert abs(own.spin("node")[0, 1] + slope[2]) < 0.05 * abs(slope[2])
+    modes = fb.modes(model, state=rest.state, n=2, held=True)
+    for k in range(2):
+        moved = model.moving.own_shape(modes.state(k, 1e-6))[0][nodes] - model.moving.own_shape(rest.state)[0][nodes]
+        np.testing.assert_allclose(moved[:, 0] / 1e-6, modes.displacements[k][nodes], rtol=0, atol=1e-8)
+        turning = np.cross(modes.spins[k][nodes][:, None], modes.directors[nodes])
+        np.testing.assert_allclose(moved[:, 1:] / 1e-6, turning, rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(modes.positions[nodes], model.moving.own_shape(rest.state)[0][nodes, 0])

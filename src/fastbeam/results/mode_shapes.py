@@ -110,6 +110,8 @@ class Motions(Tabled):
     def __init__(self, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any, info: dict[str, Any],
                  names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
         self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals
+        # those of nodes, of which moving meshes show material points
+        self._of_nodes = displacements, spins
         self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
         self._source = source
 
@@ -248,7 +250,7 @@ class Modes(Motions):
         check_number(self, k)
         a = amplitude * float(np.cos(phase))
         rate = -amplitude * (float(self.angular[k]) or 1.0) * float(np.sin(phase))
-        x, turn = self.displacements[k], self.spins[k]
+        x, turn = (of[k] for of in self._of_nodes)
         return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
 
     def _words(self, k: int) -> tuple[str, bool]:
@@ -348,7 +350,7 @@ class DampedModes(Motions):
         """
         check_number(self, k)
         a = amplitude * np.exp(1j * phase)
-        x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
+        (x, turn), rate = (of[k] for of in self._of_nodes), self.rates[k]
         moved = np.real(a * x)
         return self._source.moved(moved, np.real(a * turn), np.real(a * self.slides[k]),
                                   *self._in_space(moved, np.real(a * rate * x), np.real(a * rate * turn)))

@@ -22,7 +22,7 @@ from fastbeam.results.observe.observer import POINTS
 from fastbeam.results.observe.points import place_of
 from fastbeam.results.responses import FrequencyResponse
 from fastbeam.scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
-from fastbeam.scene.checks import Place
+from fastbeam.scene.checks import Place, nearest_triads
 from fastbeam.statics.static_analysis import which_sliders
 from fastbeam.vibration.linearised import Linearisation
 from fastbeam.vibration.natural_modes import LEAST, equilibrium_of, events_about, linearised_at
@@ -131,7 +131,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     damping_ratio, loss_factor = float(damping_ratio), float(loss_factor)
     if loss_factor:
         require(Analysis.LOSS_FACTOR, model)
-    places = {name: place_of(model, name, what) for name, what in (points or {}).items()}
+    places = {name: place_of(model, name, what, about.stepper.state.s) for name, what in (points or {}).items()}
     found = equilibrium_of("frequency_response", about, LEAST, backend, state)
     moved, vectors = _base(model, base, about.q[:, 0])
     settled = about
@@ -146,7 +146,9 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     ratios = None
     if damping_ratio > NO_DAMPING:
         ratios = _ratios(about, settled, found, damping_ratio, UP_TO * 2.0 * np.pi * float(frequencies.max()), backend)
-    result = _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
+    turning = {k for k, what in enumerate((points or {}).values()) if isinstance(what, NodeRef)}
+    response = _Response(model, settled, excitation, found, places, turning, shapes)
+    result = response.at(frequencies, loss_factor, ratios, backend)
     result.events = events_about(about, found)
     return result
 
@@ -155,8 +157,10 @@ class _Response:
     """One excitation of one linearised scene."""
 
     def __init__(self, model: Model, about: Linearisation, excitation: Excitation, found: Eigen,
-                 places: dict[str, tuple[Array, Array]], shapes: bool) -> None:
+                 places: dict[str, tuple[Array, Array]], turning: set[int], shapes: bool) -> None:
         self.model, self.about, self.excitation, self.places, self.shapes = model, about, excitation, places, shapes
+        # points that are nodes of beams
+        self.turning = turning
         self.found = found
 
     def at(self, frequencies: Array, loss_factor: float, ratios: Any, backend: str) -> FrequencyResponse:
@@ -208,7 +212,7 @@ class _Response:
                 "modes_with_ratio": 0 if ratios is None else int(ratios[1].size)}
         names = {**model.names, "points": list(self.places)}
         return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, uncertainty, motions, info, names,
-                                 about.q[:, 0].copy())
+                                 about.own_shape()[0])
 
     def _put(self, j: int, x: Array, out: tuple[Array, Array, Array], motions: Array | None) -> None:
         """Put amplitudes of points and sliders at frequency j into the arrays."""
@@ -219,9 +223,12 @@ class _Response:
             out[0][j, p] = np.einsum("ma,mac->c", weights, rates[nodes])
             if len(nodes) == 1:
                 out[1][j, p] = 0.5 * np.cross(about.q[nodes[0], 1:], rates[nodes[0], 1:]).sum(axis=0)
+            elif p in self.turning:
+                d = nearest_triads(np.einsum("m,mkc->kc", weights[:, 0], about.q[nodes, 1:]))
+                out[1][j, p] = 0.5 * np.cross(d, np.einsum("m,mkc->kc", weights[:, 0], rates[nodes, 1:])).sum(axis=0)
         out[2][j] = x[k:k + about.core.n_sliders] * about.sliding
         if motions is not None:
-            motions[j] = rates[:, 0]
+            motions[j] = about.own_rows(rates[None, :, 0], np.zeros((1, len(rates), 3)))[0][0]
 
     def _check_free(self, rate: complex, right: Array) -> None:
         """Refuse a constant force along a free motion. Raises SceneError."""

@@ -14,6 +14,7 @@ from fastbeam.model.forces.damping_matrix import damping_map, material_map
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.maps import RowMap, mass_map
 from fastbeam.model.model import Model
+from fastbeam.model.rates import own_shape
 from fastbeam.model.start import mended
 from fastbeam.statics.equilibrium import without_potential
 from fastbeam.statics.slider_friction import turned_with_sleeves, with_friction
@@ -286,6 +287,17 @@ class Linearisation:
             spins[:, :, i] = 0.5 * (np.einsum("na,mna->mn", d[:, :, j], rates[:, :, 1:, k])
                                     - np.einsum("na,mna->mn", d[:, :, k], rates[:, :, 1:, j]))
         return rates[:, :, 0].copy(), spins
+
+    def own_shape(self) -> tuple[Array, Array]:
+        """Return positions [N, 3] and directors [N, 3, 3] of the rows of results."""
+        q = own_shape(self.model, self.stepper.state)[0]
+        return q[:, 0].copy(), q[:, 1:].copy()
+
+    def own_rows(self, displacements: Array, spins: Array) -> tuple[Array, Array]:
+        """Convert displacements and spins of all nodes [m, N, 3] to those of the rows of results, which on moving meshes are those
+        of material points."""
+        moving, state = self.model.moving, self.stepper.state
+        return (displacements, spins) if moving is None else moving.own_motion(self.q, state.s, displacements, spins)
 
     def base_motion(self) -> Array:
         """Return products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""

@@ -147,9 +147,13 @@ class Moving(Feature):
         """Return whether elements of the beam whose first node this is move."""
         return any(first == int(table.place[1]) for table in self.tables)
 
+    def _table_from(self, first: int) -> Any:
+        """Return the term of the beam with this first node."""
+        return next(table for table in self.tables if first == int(table.place[1]))
+
     def element_ends(self, first: int, s: Array) -> Array:
         """Return the ends of the elements of the beam with this first node, m, with the places of all sliders."""
-        table = next(table for table in self.tables if first == int(table.place[1]))
+        table = self._table_from(first)
         return np.concatenate(([0.0], np.cumsum(element_lengths(table, s))[:-1], table.length[:1]))
 
     def table_of(self, k: int) -> Any:
@@ -243,9 +247,28 @@ class Moving(Feature):
             out.append((_span(table), _span(there)))
         return out
 
+    def nodes_at(self, first: int, at: float, s: Array) -> tuple[Array, Array]:
+        """Return the nodes [n] around the material point at this arc length of the beam with this first node, and weights [n, 4]
+        of their positions, and of no directors, in its position; with the places of all sliders."""
+        of = MaterialPoints(self._table_from(first), np.array([at]), s)
+        return of.nodes[0], of.values[0][:, None] * (1.0, 0.0, 0.0, 0.0)
+
+    def own_motion(self, q: Array, s: Array, displacements: Array, spins: Array) -> tuple[Array, Array]:
+        """Return small displacements and spins [m, N, 3] of all nodes where those of these beams are material points at the arc
+        lengths of their nodes, from those of the material at all nodes, at coordinates [N, 4, 3] and places of all sliders."""
+        displacements, spins = displacements.copy(), spins.copy()
+        for table, beam in zip(self.tables, self.beams):
+            of, nodes = MaterialPoints(table, beam.node_s, s), _span(table)
+            rates = np.cross(spins[:, of.nodes][:, :, :, None], q[of.nodes, 1:])
+            rates = np.einsum("an,manic->maic", of.values, rates)
+            d = nearest_triads(of.of(q)[:, 1:])
+            displacements[:, nodes] = np.einsum("an,manc->mac", of.values, displacements[:, of.nodes])
+            spins[:, nodes] = 0.5 * np.cross(d, rates).sum(axis=2)
+        return displacements, spins
+
     def point(self, first: int, at: float, state: State) -> tuple[Array, Array]:
         """Return the coordinates and rates [4, 3] of the material point at this arc length of the beam with this first node."""
-        table = next(table for table in self.tables if first == int(table.place[1]))
+        table = self._table_from(first)
         q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
         of, begin = MaterialPoints(table, np.array([at]), state.s), int(table.first[0])
         places = self.places_in(state.history)[begin:begin + table.slider.size]

@@ -155,8 +155,9 @@ def _on_moving(model: Model, what: Any) -> tuple[int, float] | None:
     return (first, float(what[1])) if model.moving.has(first) else None
 
 
-def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
-    """Return nodes [m] of an observed point, and weights [m, 4] of their positions and directors in it."""
+def place_of(model: Model, name: str, what: Any, places: Array | None = None) -> tuple[Array, Array]:
+    """Return nodes [m] of an observed point, and weights [m, 4] of their positions and directors in it. places: those of all
+    sliders [S], with which elements of moving meshes move; default: for beams whose elements do not move."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
         at = real(s)
@@ -172,7 +173,9 @@ def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
                              f"got {shown(what)}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
     try:
-        return model.numbers.start(owner) + local, weights
+        found = model.numbers.start(owner) + local, weights
     except KeyError:
         raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled "
                          "scene") from None
+    inside = None if places is None else _on_moving(model, what)
+    return found if inside is None else model.moving.nodes_at(*inside, places)  # type: ignore[union-attr]
