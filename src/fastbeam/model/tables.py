@@ -122,7 +122,7 @@ def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
 
 def strain_gradient(name: str, f: Array, d: Array, k: Array) -> Array:
     """Return the derivatives of `strains_of` by phi', by the three directors and by their derivatives, [..., 6, 7, 3]."""
-    out = np.zeros((*f.shape[:-1], 6, 7, 3))
+    out = np.zeros((*f.shape[:-1], 6, 7, 3), np.result_type(f, d, k))
     d1, d2, d3 = (d[..., i, :] for i in range(3))
     k1, k2, k3 = (k[..., i, :] for i in range(3))
     out[..., 1, 0, :], out[..., 1, 2, :] = d2, f

@@ -30,6 +30,7 @@ from fastbeam.linalg.eigen import BLOCK, NOISE, SingularError, grown
 from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.analyses import Analysis, require
+from fastbeam.model.contact.moving_tables import element_lengths
 from fastbeam.model.forces.loads import which_times
 from fastbeam.model.maps import velocity_map
 from fastbeam.model.model import Model, check_model
@@ -55,6 +56,8 @@ MORE, DISTINCT = 2, 1e-6
 # load factor, next to the lowest one, at which solutions are found where loads hold what moves freely without them; and one that
 # is that of such a motion, next to this
 SHIFT, FREE = 0.3, 1e-8
+# imaginary step of derivatives that are exact but for round-off
+TINY = 1e-30
 # motion until buckling, in sizes of the scene and rad, from which on linear buckling is of little use
 FAR = 0.05
 
@@ -116,7 +119,7 @@ class BucklingModes(Motions):
             There is no such mode.
         """
         check_number(self, k)
-        x, turn = amplitude * self.displacements[k], amplitude * self.spins[k]
+        x, turn = (amplitude * of[k] for of in self._of_nodes)
         moved: State = self._source.moved(x, turn, amplitude * self.slides[k], 0.0 * x, 0.0 * turn)
         return moved
 
@@ -257,6 +260,7 @@ def _tangent(solver: PathSolver, backend: str) -> _Tangent:
     motion = (of_rows.ties @ (velocity_map(q) @ (of_rows.every @ rates[:solver.nodes]))).reshape(-1, 4, 3)
     # forces grow by as much as strains of 1 would need
     by_strain, largest = _of_stresses(solver, motion)
+    by_strain = by_strain + _of_moving(solver, motion)
     step = 1.0 / max(largest, *(abs(change) for _, change in solver.strains.beams), reach, 1e-300)
     growth = _of_forces(solver, rates, step) + grown(by_strain + _of_springs(solver, motion), multiplier.size)
     growth = growth + grown(_of_laws(solver, rates, STEP / max(reach, 1e-300)), multiplier.size)
@@ -322,6 +326,52 @@ def _of_stresses(solver: PathSolver, motion: Array) -> tuple[Any, float]:
         lift = sparse.kron(sparse.eye(stepper.core.pattern.n), within, format="csr")
         found = lift.T @ found @ lift
     return found, largest
+
+
+def _of_moving(solver: PathSolver, motion: Array) -> Any:
+    """Differentiate the tangent of beams whose elements move by stresses that strains at these rates of all coordinates [N, 4, 3]
+    make, sparse [m, m]: of the material, the elements where they are."""
+    from scipy import sparse
+    moving, state, q = solver.stepper.model.moving, solver.state, solver.state.q.reshape(-1, 4, 3)
+    if moving is None:
+        return sparse.csr_matrix((solver.nodes, solver.nodes))
+    own, pull = sparse.csr_matrix((q.size, q.size)), np.zeros(q.size)
+    for table in moving.tables:
+        places = (12 * table.node[:, :, None] + np.arange(12)).reshape(len(table.node), -1)
+        stiffness, force = _of_elements(table, element_lengths(table, state.s), q[table.node], motion[table.node])
+        rows, columns = np.broadcast_arrays(places[:, :, None], places[:, None, :])
+        own = own + sparse.csr_matrix((stiffness.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=own.shape)
+        np.add.at(pull, places, -force)
+    lift = solver.map.rates(q)
+    return lift.T @ own @ lift + turning_stiffness(solver.map, q, pull.reshape(q.shape))
+
+
+def _of_elements(table: Any, lengths: Array, q: Array, motion: Array) -> tuple[Array, Array]:
+    """Return the derivatives of energies of elements by stresses that strains at these rates make: by their coordinates twice
+    [E, 12 n, 12 n], and once [E, 12 n]; q, motion [E, n, 4, 3]."""
+    values, slopes = table.shape[0], table.shape[1] / lengths[:, None, None]
+
+    def of(x: Array) -> tuple[Array, Array, Array]:
+        return (np.einsum("ega,eac->egc", slopes, x[:, :, 0]), np.einsum("ga,eaic->egic", values, x[:, :, 1:]),
+                np.einsum("ega,eaic->egic", slopes, x[:, :, 1:]))
+
+    f, d, k = of(motion)
+    rates = np.einsum("egijc,egjc->egi", strain_gradient("simo_reissner", *of(q)), np.concatenate((f[:, :, None], d, k), axis=2))
+    stress = lengths[:, None, None] * table.weight[:, None] * (rates @ table.stiffness.T)
+
+    def gradient(x: Array) -> Array:
+        by = np.einsum("egi,egijc->egjc", stress, strain_gradient("simo_reissner", *of(x)))
+        out = np.zeros(x.shape, x.dtype)
+        out[:, :, 0] = np.einsum("ega,egc->eac", slopes, by[:, :, 0])
+        out[:, :, 1:] = np.einsum("ga,egic->eaic", values, by[:, :, 1:4]) + np.einsum("ega,egic->eaic", slopes, by[:, :, 4:])
+        return out.reshape(len(x), -1)
+
+    columns = []
+    for i in np.ndindex(q.shape[1:]):
+        x = q.astype(complex)
+        x[(slice(None), *i)] += 1j * TINY
+        columns.append(gradient(x).imag / TINY)
+    return np.stack(columns, axis=2), gradient(q)
 
 
 def _strain_rates(name: str, tables: Any, row: list[int], q: Array, motion: Array) -> Array:
@@ -501,10 +551,12 @@ def _result(model: Model, solver: PathSolver, tangent: _Tangent, found: _Found, 
             "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric,
             "toppling": _toppling(solver, tangent, found), "solver": "none" if tangent.held.by is None else tangent.held.by.name}
     by = 1.0 / size[:, None, None]
-    return BucklingModes(solver.factor + change, change, by * moved, by * spins,
-                         x[solver.places].T / size[:, None] * solver.sliding, residuals,
-                         rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
-                         about.q[:, 0].copy(), about.q[:, 1:].copy())
+    modes = BucklingModes(solver.factor + change, change, *about.own_rows(by * moved, by * spins),
+                          x[solver.places].T / size[:, None] * solver.sliding, residuals,
+                          rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
+                          *about.own_shape())
+    modes._of_nodes = by * moved, by * spins
+    return modes
 
 
 def _toppling(solver: PathSolver, tangent: _Tangent, found: _Found) -> int:

@@ -52,8 +52,6 @@ class Moving(Feature):
         Lack((*(x for x in AT_REST if x not in RESTS), Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((Analysis.BUCKLING,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving elements",
-             "follow the path to the critical load with solve_path", lambda moving, asked: moving.names),
         Lack((Analysis.LOSS_FACTOR,), "moving elements", "moving mesh with slider {name!r}: loss_factor= does not support moving "
                                                          "elements",
              "give sections of other beams damping=, or compile the scene without MovingMesh",
