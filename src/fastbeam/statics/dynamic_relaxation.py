@@ -21,6 +21,7 @@ from fastbeam.linalg.linear_system import check_backend
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
+from fastbeam.model.contact.moving_meshes import Moving
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer
@@ -153,7 +154,8 @@ def _at_rest(model: Model, factors: Array, way: _SupportProgress | None) -> Mode
         if factors.size:
             value = loads.value.reshape(-1, 8) * factors[loads.vector][:, None]
             loads = loads._replace(first=loads.first * factors[0], value=value.reshape(-1))
-        features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features)
+        features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else
+                         x.in_constant_gravity(one.load_times, factors) if isinstance(x, Moving) else x for x in one.features)
         return replace(one.with_loading(loads=loads, load_times=[None] * len(factors)), features=features)
 
     plane, uneliminated, uncondensed = model.plane, model.uneliminated, model.uncondensed

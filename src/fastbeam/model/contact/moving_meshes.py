@@ -37,7 +37,7 @@ from fastbeam.scene.checks import nearest_triads
 
 Array = np.ndarray
 # analyses at rest that know moving elements
-RESTS = Analysis.STATIC, Analysis.MODES, Analysis.PATH, Analysis.STICK
+RESTS = Analysis.STATIC, Analysis.RELAX, Analysis.MODES, Analysis.PATH, Analysis.STICK
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,15 @@ class Moving(Feature):
 
     def put_gravity(self, following: Following, times: list[Any], factors: Array) -> None:
         """Set the factor of gravity of an equilibrium; factors [K] of the loads with these time functions."""
-        following.gravity[0] = next((x for time, x in zip(times, factors) if time is self.gravity_time), 0.0)
+        following.gravity[0] = self._factor(times, factors)
+
+    def _factor(self, times: list[Any], factors: Array) -> float:
+        return next((float(x) for time, x in zip(times, factors) if time is self.gravity_time), 0.0)
+
+    def in_constant_gravity(self, times: list[Any], factors: Array) -> Moving:
+        """Return the feature for runs in which loads with these time functions have had these factors [K], and are constant."""
+        factor = self._factor(times, factors)
+        return replace(self, gravity_time=None, tables=tuple(x._replace(weighs=factor * x.weighs) for x in self.tables))
 
     # --- shapes -------------------------------------------------------------------------------------------------------
     def has(self, first: int | None) -> bool:
