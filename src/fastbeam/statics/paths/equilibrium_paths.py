@@ -348,6 +348,9 @@ def _prestrains(who: str, model: Model, prestrains: Any) -> ReferenceStrains:
     out = []
     for beam, value in prestrains.items():
         span = span_of(f"{who}, prestrains", model, beam)
+        if model.moving is not None and model.moving.has(span.start):
+            raise SceneError(f"{who}, prestrains: the elements of {beam.label} move with its contacts, and prestrains of such "
+                             "elements cannot change; compile the scene without moving meshes, or strain other beams")
         number = real(value)
         if number is None or not LEAST <= beam.start_strain[0] + number <= MOST:
             raise SceneError(f"{who}, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
