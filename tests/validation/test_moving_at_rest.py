@@ -2,6 +2,8 @@
 meshes with an element end there, an exact solution, and runs."""
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -228,9 +230,59 @@ def test_a_path_has_the_weight_of_its_load_factor() -> None:
     np.testing.assert_allclose(path.slider("run 0")["position"][-1], alone.slider("run 0")["position"][-1], atol=1e-9)
 
 
-def test_what_equilibria_do_not_know_is_told() -> None:
-    model = fb.compile_scene(rod_in_a_sleeve(0.45, 1.0))
-    for call in (lambda: fb.critical_loads(model, held=True), lambda: fb.relax(model), lambda: fb.frequency_response(
-            model, frequencies=[1.0], loss_factor=0.01, held=True)):
-        with pytest.raises(fb.SceneError, match="moving mesh with slider 'sleeve'"):
-            call()
+def test_hysteretic_damping_of_moving_elements() -> None:
+    found = []
+    for elements, moving in ((8, True), (64, False)):
+        beam = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=ROD, elements=elements)
+        bead = fb.PointMass("bead", mass=0.5)
+        scene = fb.Scene(beam, bead, fb.Clamp(beam.start), fb.Clamp(beam.end), fb.Slider("run", bead, beam, at=0.6),
+                         gravity=(0, 0, -9.81))
+        model = fb.compile_scene(scene, moving=moving)
+        rest = fb.solve_static(model, held=True)
+        found.append(fb.frequency_response(model, [2.0, 5.7, 10.0], base=(0, 0, 1), points={"bead": bead}, state=rest.state,
+                                           held=True, loss_factor=0.05).point("bead")[:, 2])
+    np.testing.assert_allclose(found[0], found[1], rtol=2e-4)
+
+
+@pytest.mark.parametrize("sleeve", [False, True])
+@pytest.mark.parametrize("at", [0.57, 1.13])
+def test_critical_loads_of_a_column_in_an_eye(at: float, sleeve: bool) -> None:
+    """A column that an eye, or a sleeve, holds inside an element buckles as if an element ended there."""
+    def factors(elements: Any, moving: bool) -> np.ndarray:
+        column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 2), section=fb.Section.circle(radius=0.01, E=2e11, rho=7800.0),
+                                  elements=elements)
+        eye = fb.RigidBody("eye", mass=1.0, inertia=np.eye(3), position=(0, 0, at))
+        slider = fb.Sleeve("run", eye, column, at=at, length=0.0, keyed=False) if sleeve else fb.Slider("run", eye, column, at=at)
+        scene = fb.Scene(column, eye, slider, fb.Clamp(eye.center), fb.Clamp(column.start),
+                         fb.Load("weight", column.end, force=(0, 0, -1.0)))
+        modes = fb.critical_loads(fb.compile_scene(scene, moving=moving), n=3)
+        assert modes.is_complete or not moving
+        return np.asarray(modes.load_factors)
+
+    fine = factors(np.concatenate((np.linspace(0.0, at, 25), np.linspace(at, 2.0, 25)[1:])), False)
+    off, standing = (np.abs(factors(8, moving)[:2] / fine[:2] - 1.0).max() for moving in (True, False))
+    print(f"load factor {fine[0]:.6g}, off by {off:.1e}, on elements that stand {standing:.1e}")
+    assert off < 2e-7 and standing > 50.0 * off
+
+
+@pytest.mark.parametrize("gravity_time", [None, lambda t: min(t, 1.0)], ids=["constant", "in time"])
+def test_relaxed_shapes(gravity_time: Any) -> None:
+    """A bead that slides down a cable, from beside its end, comes to rest where Newton's method finds it."""
+    soft = fb.Section(EA=800.0, GA2=400.0, GA3=400.0, GJ=1.0, EI2=0.5, EI3=0.5, rhoA=0.3, rhoI2=1e-4, rhoI3=1e-4)
+    cable = fb.Beam.straight("cable", (0, 0, 0), (3, 0, 0.1), section=soft, elements=10)
+    bead = fb.PointMass("bead", mass=1.0)
+    scene = fb.Scene(cable, bead, fb.Slider("run", bead, cable, at=0.05), fb.Pin(cable.start), fb.Pin(cable.end),
+                     gravity=(0, 0, -9.81), gravity_time=gravity_time)
+    model, given = fb.compile_scene(scene, moving=True), {} if gravity_time is None else {"at_time": 1.0}
+    places = [call(model, **given).slider("run")["s"][-1] for call in (fb.relax, fb.solve_static)]
+    assert places[0] > 1.0 and places[0] == pytest.approx(places[1], abs=1e-8)
+
+
+def test_prestrains_of_moving_elements_are_refused() -> None:
+    cable = fb.Beam.straight("cable", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.01, E=1e8, rho=2000.0), elements=8)
+    bead = fb.PointMass("bead", mass=0.1)
+    scene = fb.Scene(cable, bead, fb.Slider("run", bead, cable, at=0.7), fb.Clamp(cable.start), fb.Clamp(cable.end))
+    model = fb.compile_scene(scene, moving=True)
+    for call in (fb.solve_path, fb.critical_loads):
+        with pytest.raises(fb.SceneError, match="prestrains: the elements of beam 'cable' move"):
+            call(model, prestrains={cable: 0.01})

@@ -189,11 +189,10 @@ def test_contact_force_is_what_the_bead_takes() -> None:
 def test_what_moving_meshes_refuse() -> None:
     scene = bead_scene(2, (0, -6, 0))
     model = fb.compile_scene(scene)
-    for call in (fb.relax, fb.critical_loads):
-        with pytest.raises(fb.SceneError, match="not support moving elements"):
-            call(model)
     with pytest.raises(fb.SceneError, match="not support moving elements"):
         fb.simulate(model, t_end=0.01, step=0.01, method="midpoint", progress=False)
+    with pytest.raises(fb.SceneError, match="'inner' does not support moving elements"):
+        fb.simulate(model, t_end=0.01, step=0.01, observe=("inner",), progress=False)
     beam = scene.beams[0]
     with pytest.raises(fb.SceneError, match="only the ends of this beam"):
         fb.compile_scene(fb.Scene(*scene.parts, fb.Load("push", beam.node(3), force=(0, 1, 0))))
@@ -209,6 +208,19 @@ def test_what_moving_meshes_refuse() -> None:
     mass = fb.PointMass("m", mass=1.0)
     with pytest.raises(fb.SceneError, match="belongs to no MovingMesh"):
         fb.compile_scene(fb.Scene(*scene.parts, other, mass, fb.Slider("second", mass, other, at=0.5)))
+
+
+def test_checkpoints_know_the_elements_that_move() -> None:
+    def model(stiffness: float) -> fb.Model:
+        beam = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.01, E=stiffness, rho=2e3),
+                                elements=4)
+        bead = fb.PointMass("bead", mass=0.5)
+        return fb.compile_scene(fb.Scene(beam, bead, fb.Clamp(beam.start), fb.Clamp(beam.end),
+                                         fb.Slider("run", bead, beam, at=0.7)), moving=True)
+    half = fb.simulate(model(2e9), t_end=0.01, step=0.01, progress=False).checkpoint
+    assert fb.simulate(model(2e9), start=half, t_end=0.02, step=0.01, progress=False).t[-1] == pytest.approx(0.02)
+    with pytest.raises(fb.SceneError, match="belongs to another model"):
+        fb.simulate(model(3e9), start=half, t_end=0.02, step=0.01, progress=False)
 
 
 STEEL = fb.Section.circle(radius=0.006, E=2.1e11, rho=7850.0)

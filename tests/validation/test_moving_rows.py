@@ -1,4 +1,5 @@
-"""Results of scenes whose elements move with contacts: rows, points and states of the material of the user's beams (theory.md 5.12)."""
+"""Results of scenes whose elements move with contacts: rows, points and states of the material of the user's beams (theory.md
+5.12)."""
 from __future__ import annotations
 
 from pathlib import Path

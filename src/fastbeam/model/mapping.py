@@ -154,9 +154,9 @@ def along_material(model: Model, k: int, s: float, q: Array) -> Array:
 
 
 def state_for(model: Model, names: Mapping[str, list[Any]], state: State, moving: Moving | None = None) -> State:
-    """Map a state of another model, with these names and moving meshes, to this model: parts of the same name and shape keep their
-    coordinates and velocities, sliders of the same name their place. Parts that the other does not have take those of this model's
-    initial state, moved with the parts that they are joined to or slide on.
+    """Map a state of another model, with these names and moving meshes, to this model: parts of the same name and shape keep
+    their coordinates and velocities, sliders of the same name their place. Parts that the other does not have take those of this
+    model's initial state, moved with the parts that they are joined to or slide on.
 
     Raises SceneError: a part has other nodes than its namesake, or no part has a namesake.
     """

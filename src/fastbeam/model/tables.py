@@ -146,6 +146,19 @@ def strain_gradient(name: str, f: Array, d: Array, k: Array) -> Array:
     return out
 
 
+def strains_by_nodes(name: str, x: Array, phi_s: Array, shape: Array, slope: Array) -> Array:
+    """Return the derivatives of the strains at g points by the coordinates of nn nodes, [l, g, 6, 12 nn]; x [l, nn, 4, 3], shapes
+    [l, g, nn]."""
+    f = np.einsum("lga,lac->lgc", phi_s, x[:, :, 0])
+    d, k = (np.einsum("lga,laic->lgic", y, x[:, :, 1:]) for y in (shape, slope))
+    gradient = strain_gradient(name, f, d, k)
+    lead = np.empty((*phi_s.shape[:2], 6, phi_s.shape[2], 4, 3), gradient.dtype)
+    lead[..., 0, :] = np.einsum("lga,lgic->lgiac", phi_s, gradient[:, :, :, 0])
+    lead[..., 1:, :] = (np.einsum("lga,lgikc->lgiakc", shape, gradient[:, :, :, 1:4])
+                        + np.einsum("lga,lgikc->lgiakc", slope, gradient[:, :, :, 4:]))
+    return lead.reshape(*lead.shape[:3], -1)
+
+
 def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:
     """Return the tributary lengths of nodes, the integrals of their shape functions, float64 [n], m; nodes [E, nn] and mass_phi
     [E, nn, nn] of elements."""

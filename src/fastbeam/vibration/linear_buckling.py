@@ -30,7 +30,7 @@ from fastbeam.linalg.eigen import BLOCK, NOISE, SingularError, grown
 from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.contact.moving_tables import element_lengths
+from fastbeam.model.contact.moving_tables import Elements, by_elements, elements_at
 from fastbeam.model.forces.loads import which_times
 from fastbeam.model.maps import velocity_map
 from fastbeam.model.model import Model, check_model
@@ -337,41 +337,25 @@ def _of_moving(solver: PathSolver, motion: Array) -> Any:
         return sparse.csr_matrix((solver.nodes, solver.nodes))
     own, pull = sparse.csr_matrix((q.size, q.size)), np.zeros(q.size)
     for table in moving.tables:
-        places = (12 * table.node[:, :, None] + np.arange(12)).reshape(len(table.node), -1)
-        stiffness, force = _of_elements(table, element_lengths(table, state.s), q[table.node], motion[table.node])
-        rows, columns = np.broadcast_arrays(places[:, :, None], places[:, None, :])
-        own = own + sparse.csr_matrix((stiffness.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=own.shape)
-        np.add.at(pull, places, -force)
+        of = elements_at(table, state.s)
+        stiffness, force = _of_elements(of, q[table.node], motion[table.node])
+        own = own + by_elements(stiffness, of.columns, q.size)
+        np.add.at(pull, of.columns, -force)
     lift = solver.map.rates(q)
     return lift.T @ own @ lift + turning_stiffness(solver.map, q, pull.reshape(q.shape))
 
 
-def _of_elements(table: Any, lengths: Array, q: Array, motion: Array) -> tuple[Array, Array]:
+def _of_elements(of: Elements, q: Array, motion: Array) -> tuple[Array, Array]:
     """Return the derivatives of energies of elements by stresses that strains at these rates make: by their coordinates twice
     [E, 12 n, 12 n], and once [E, 12 n]; q, motion [E, n, 4, 3]."""
-    values, slopes = table.shape[0], table.shape[1] / lengths[:, None, None]
-
-    def of(x: Array) -> tuple[Array, Array, Array]:
-        return (np.einsum("ega,eac->egc", slopes, x[:, :, 0]), np.einsum("ga,eaic->egic", values, x[:, :, 1:]),
-                np.einsum("ega,eaic->egic", slopes, x[:, :, 1:]))
-
-    f, d, k = of(motion)
-    rates = np.einsum("egijc,egjc->egi", strain_gradient("simo_reissner", *of(q)), np.concatenate((f[:, :, None], d, k), axis=2))
-    stress = lengths[:, None, None] * table.weight[:, None] * (rates @ table.stiffness.T)
-
-    def gradient(x: Array) -> Array:
-        by = np.einsum("egi,egijc->egjc", stress, strain_gradient("simo_reissner", *of(x)))
-        out = np.zeros(x.shape, x.dtype)
-        out[:, :, 0] = np.einsum("ega,egc->eac", slopes, by[:, :, 0])
-        out[:, :, 1:] = np.einsum("ga,egic->eaic", values, by[:, :, 1:4]) + np.einsum("ega,egic->eaic", slopes, by[:, :, 4:])
-        return out.reshape(len(x), -1)
-
+    rates = np.einsum("egij,ej->egi", of.strains_by(q), motion.reshape(len(q), -1))
+    stress = of.weights[:, :, None] * (rates @ of.stiffness.T)
     columns = []
     for i in np.ndindex(q.shape[1:]):
         x = q.astype(complex)
         x[(slice(None), *i)] += 1j * TINY
-        columns.append(gradient(x).imag / TINY)
-    return np.stack(columns, axis=2), gradient(q)
+        columns.append(np.einsum("egi,egij->ej", stress, of.strains_by(x)).imag / TINY)
+    return np.stack(columns, axis=2), np.einsum("egi,egij->ej", stress, of.strains_by(q))
 
 
 def _strain_rates(name: str, tables: Any, row: list[int], q: Array, motion: Array) -> Array:

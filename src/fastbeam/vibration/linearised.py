@@ -255,7 +255,10 @@ class Linearisation:
 
     def material(self) -> Any:
         """Return the stiffness of the material of beams alone, sparse [k, k]."""
-        return self._on_unknowns(material_map(self.own, self.q))
+        found = material_map(self.own, self.q)
+        if self.own.moving is not None:
+            found = found + self.own.moving.material(self.q, self.stepper.state.s)
+        return self._on_unknowns(found)
 
     @property
     def load_size(self) -> float:
@@ -294,8 +297,8 @@ class Linearisation:
         return q[:, 0].copy(), q[:, 1:].copy()
 
     def own_rows(self, displacements: Array, spins: Array) -> tuple[Array, Array]:
-        """Convert displacements and spins of all nodes [m, N, 3] to those of the rows of results, which on moving meshes are those
-        of material points."""
+        """Convert displacements and spins of all nodes [m, N, 3] to those of the rows of results: on moving meshes of material
+        points."""
         moving, state = self.model.moving, self.stepper.state
         return (displacements, spins) if moving is None else moving.own_motion(self.q, state.s, displacements, spins)
 

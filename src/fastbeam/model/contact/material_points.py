@@ -22,8 +22,8 @@ def _curve(degree: int) -> Any:
 class MaterialPoints:
     """Points of a moving beam at arc lengths [m], with the places of all sliders.
 
-    nodes: int64 [m, n], of the elements around the points; values, slopes: float64 [m, n], shape functions and their derivatives by
-    the arc length.
+    nodes: int64 [m, n], of the elements around the points; values, slopes: float64 [m, n], shape functions and their derivatives
+    by the arc length.
     """
 
     def __init__(self, table: MovingBeam, at: Array, s: Array) -> None:

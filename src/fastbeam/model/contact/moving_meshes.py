@@ -21,6 +21,7 @@ from fastbeam.model.contact.moving_tables import (
     element_lengths,
     mass_matrix,
     masses,
+    material_stiffness,
     momenta,
     node_places,
     of_rates,
@@ -52,13 +53,11 @@ class Moving(Feature):
         Lack((*(x for x in AT_REST if x not in RESTS), Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((Analysis.LOSS_FACTOR,), "moving elements", "moving mesh with slider {name!r}: loss_factor= does not support moving "
-                                                         "elements",
-             "give sections of other beams damping=, or compile the scene without MovingMesh",
-             lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((Analysis.INNER,), "moving elements", "observe: 'inner' does not support moving elements (slider {name!r})",
+             "leave it out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
         without_adjoint("moving elements"))
 
     tables: tuple[Any, ...]  # the terms
@@ -84,6 +83,12 @@ class Moving(Feature):
     def mass(self) -> float:
         """Mass of all beams, kg."""
         return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
+
+    @property
+    def constants(self) -> list[Array]:
+        """Arrays by which checkpoints recognise their model."""
+        tables = [(x.slot, x.share, x.length, x.stiffness, x.rho, x.weighs, x.rest, x.rest_slope) for x in self.tables]
+        return [*(x for table in tables for x in table), self.following.reach]
 
     def describe(self) -> list[tuple[str, str, list[str]]]:
         """Return the line of `print(model)`: contacts at which elements end."""
@@ -348,6 +353,11 @@ class Moving(Feature):
         of places of contacts, sparse [12 N + F, 12 N + F]."""
         size = q.size + self.sliders.size
         return sum(mass_matrix(table, q.reshape(-1, 4, 3), s, size) for table in self.tables)
+
+    def material(self, q: Array, s: Array) -> Any:
+        """Assemble the stiffness of the material of all moving beams, without that by its stresses, at coordinates [N, 4, 3] and
+        places of sliders, sparse [12 N, 12 N]."""
+        return sum(material_stiffness(table, q, s) for table in self.tables)
 
     def momentum(self, history: Array, q: Array, s: Array) -> Array:
         """Return the momenta in a history as generalised momenta of all coordinates and places of contacts, with the energy

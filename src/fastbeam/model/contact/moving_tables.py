@@ -19,7 +19,7 @@ from fastbeam.kernels.contact.slider import Following
 from fastbeam.kernels.layout import CONSTANTS, FACTORS, layout_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.plane import Plane, strain_maps
-from fastbeam.model.tables import TablePool, strains_of
+from fastbeam.model.tables import TablePool, strains_by_nodes, strains_of
 from fastbeam.model.workspace import scratch_of_moving
 from fastbeam.scene import Beam, Slider
 from fastbeam.scene.interpolation.basis import Basis, build_basis
@@ -283,6 +283,43 @@ def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
         values.append(motion[e] * (part[e] * along[table.slot[e, side], None])[:, :, None])
     flat = [np.concatenate([x.reshape(-1) for x in some]) for some in (values, rows, columns)]
     return sparse.csr_matrix((flat[0], (flat[1], flat[2])), shape=(6 * nodes, table.slider.size))
+
+
+class Elements(NamedTuple):
+    """Elements of a beam where they are, with points of the stored energy."""
+
+    slopes: Array  # float64 [E, points, n]: derivatives of shape functions by the arc length
+    values: Array  # float64 [E, points, n]: shape functions
+    weights: Array  # float64 [E, points]: lengths that points stand for, m
+    stiffness: Array  # float64 [6, 6]
+    columns: Array  # int64 [E, 12 n]: numbers of the coordinates
+
+    def strains_by(self, q: Array) -> Array:
+        """Return the derivatives of strains at coordinates [E, n, 4, 3] by these, [E, points, 6, 12 n]."""
+        return strains_by_nodes("simo_reissner", q, self.slopes, self.values, self.slopes)
+
+
+def elements_at(table: MovingBeam, s: Array) -> Elements:
+    """Return the elements of a beam with the places of all sliders."""
+    h = element_lengths(table, s)
+    slopes = table.shape[1] / h[:, None, None]
+    columns = (12 * table.node[:, :, None] + np.arange(12)).reshape(len(h), -1)
+    return Elements(slopes, np.broadcast_to(table.shape[0], slopes.shape), h[:, None] * table.weight, table.stiffness, columns)
+
+
+def material_stiffness(table: MovingBeam, q: Array, s: Array) -> Any:
+    """Assemble the stiffness of the material of a beam at coordinates [N, 4, 3], without that by its stresses, the elements where
+    they are with the places of all sliders: sparse [12 N, 12 N]."""
+    of = elements_at(table, s)
+    by = of.strains_by(q[table.node])
+    blocks = np.einsum("eg,egij,ik,egkl->ejl", of.weights, by, of.stiffness, by, optimize=True)
+    return by_elements(blocks, of.columns, q.size)
+
+
+def by_elements(blocks: Array, columns: Array, size: int) -> Any:
+    """Sum matrices of elements [E, m, m] with these numbers of their rows and columns [E, m], sparse [size, size]."""
+    row, column = np.broadcast_arrays(columns[:, :, None], columns[:, None, :])
+    return sparse.csr_matrix((blocks.reshape(-1), (row.reshape(-1), column.reshape(-1))), shape=(size, size))
 
 
 def momenta(table: MovingBeam, q: Array, s: Array, rates: Array) -> Array:

@@ -19,7 +19,7 @@ from fastbeam.kernels.layout import VISCOSITY, layout_of
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.failed_laws import ask
 from fastbeam.model.model import Model
-from fastbeam.model.tables import strain_gradient
+from fastbeam.model.tables import strains_by_nodes
 
 Array = np.ndarray
 # rates of the differences of laws, in sizes of the scene a second, and rad/s
@@ -59,7 +59,7 @@ def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> A
             place = layout_of(SPACE, nn, nq)
             point = tables.tab[co + place.point:co + place.inertia].reshape(nq, -1, 8)[:, :, live]
             shapes = [np.moveaxis(point[:, 1 + k::3], 2, 0) for k in range(3)]
-            lead = _by_coordinates(name, q[at.T], *shapes)
+            lead = strains_by_nodes(name, q[at.T], *shapes)
             weighed = np.moveaxis(point[:, 0], 1, 0)[:, :, None, None] * np.einsum("ijl,lgjm->lgim", matrix, lead)
             blocks = np.einsum("lgim,lgin->lmn", lead, weighed, optimize=True)
             unknown = (12 * at.T[:, :, None] + np.arange(12)).reshape(live.size, -1)
@@ -67,19 +67,6 @@ def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> A
             parts.append((rows.reshape(-1), columns.reshape(-1), blocks.reshape(-1)))
     rows, columns, values = (np.concatenate(x) for x in zip(*parts))
     return sparse.csr_matrix((values, (rows, columns)), shape=(n, n))
-
-
-def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Array) -> Array:
-    """Return the derivative of the strains at g points by the coordinates of nn nodes, [l, g, 6, 12 nn]; x [l, nn, 4, 3], shapes
-    [l, g, nn]."""
-    f = np.einsum("lga,lac->lgc", phi_s, x[:, :, 0])
-    d, k = (np.einsum("lga,laic->lgic", y, x[:, :, 1:]) for y in (shape, slope))
-    gradient = strain_gradient(name, f, d, k)
-    lead = np.empty((*phi_s.shape[:2], 6, phi_s.shape[2], 4, 3))
-    lead[..., 0, :] = np.einsum("lga,lgic->lgiac", phi_s, gradient[:, :, :, 0])
-    lead[..., 1:, :] = (np.einsum("lga,lgikc->lgiakc", shape, gradient[:, :, :, 1:4])
-                        + np.einsum("lga,lgikc->lgiakc", slope, gradient[:, :, :, 4:]))
-    return lead.reshape(*lead.shape[:3], -1)
 
 
 def _of_drag(model: Model) -> Any:
