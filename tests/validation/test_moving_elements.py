@@ -191,6 +191,8 @@ def test_what_moving_meshes_refuse() -> None:
     model = fb.compile_scene(scene)
     with pytest.raises(fb.SceneError, match="not support moving elements"):
         fb.simulate(model, t_end=0.01, step=0.01, method="midpoint", progress=False)
+    with pytest.raises(fb.SceneError, match="is not needed.*leave contacts= out"):
+        fb.solve_static(model, contacts="exact")
     with pytest.raises(fb.SceneError, match="'inner' does not support moving elements"):
         fb.simulate(model, t_end=0.01, step=0.01, observe=("inner",), progress=False)
     beam = scene.beams[0]

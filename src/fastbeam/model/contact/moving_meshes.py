@@ -15,7 +15,7 @@ from fastbeam.kernels.contact.slider import RATE, UNKNOWN, Following
 from fastbeam.kernels.energies import STRAIN
 from fastbeam.kernels.layout import FACTORS
 from fastbeam.kernels.state import State, aligned
-from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
+from fastbeam.model.analyses import Analysis, Lack, without_adjoint
 from fastbeam.model.contact.material_points import MaterialPoints
 from fastbeam.model.contact.moving_tables import (
     element_lengths,
@@ -37,8 +37,7 @@ from fastbeam.scene import Beam
 from fastbeam.scene.checks import nearest_triads
 
 Array = np.ndarray
-# analyses at rest that know moving elements
-RESTS = Analysis.STATIC, Analysis.RELAX, Analysis.MODES, Analysis.PATH, Analysis.STICK
+AWAY = "compile the scene without moving meshes"
 
 
 @dataclass(frozen=True)
@@ -47,17 +46,17 @@ class Moving(Feature):
 
     key, title, order, is_told_first = "moving", "moving elements (MovingMesh)", 100, True
     lacks = (
-        Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
-                                                         "elements",
-             "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((*(x for x in AT_REST if x not in RESTS), Analysis.STEADY), "moving elements",
-             "moving mesh with slider {name!r}: {who} does not support moving elements",
-             "compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((Analysis.COMPARED, Analysis.LENGTHS, Analysis.SENSITIVITY, Analysis.STEADY), "moving elements",
+             "moving mesh with slider {name!r}: {who} does not support moving elements", AWAY,
+             lambda moving, asked: moving.names),
+        Lack((Analysis.EXACT,), "moving elements",
+             "moving mesh with slider {name!r}: {who} is not needed, because its contact is an element end already",
+             "leave contacts= out", lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
-             "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
+             f"leave rho_inf out, or {AWAY}", lambda moving, asked: moving.names),
         Lack((Analysis.INNER,), "moving elements", "observe: 'inner' does not support moving elements (slider {name!r})",
-             "leave it out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
+             f"leave it out, or {AWAY}", lambda moving, asked: moving.names),
         without_adjoint("moving elements"))
 
     tables: tuple[Any, ...]  # the terms
