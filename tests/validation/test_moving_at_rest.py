@@ -256,7 +256,7 @@ def test_critical_loads_of_a_column_in_an_eye(at: float, sleeve: bool) -> None:
         scene = fb.Scene(column, eye, slider, fb.Clamp(eye.center), fb.Clamp(column.start),
                          fb.Load("weight", column.end, force=(0, 0, -1.0)))
         modes = fb.critical_loads(fb.compile_scene(scene, moving=moving), n=3)
-        assert modes.is_complete or not moving
+        assert modes.is_complete or sleeve
         return np.asarray(modes.load_factors)
 
     fine = factors(np.concatenate((np.linspace(0.0, at, 25), np.linspace(at, 2.0, 25)[1:])), False)

@@ -490,8 +490,7 @@ def test_balance_is_recorded_with_elastic_stops_alone() -> None:
 
 def test_what_elements_that_move_do_not_know_is_said_of_them_first() -> None:
     model = on_a_rail(gravity=(0, 0, -9.81), friction=0.2)
-    for call in (lambda: fb.relax(model),
-                 lambda: fb.simulate(model, t_end=0.1, step=0.01, method=fb.Method(rho_inf=0.8)),
+    for call in (lambda: fb.simulate(model, t_end=0.1, step=0.01, method=fb.Method(rho_inf=0.8)),
                  lambda: fb.simulate(model, t_end=0.1, step=0.01, method="generalized_alpha")):
         with pytest.raises(fb.SceneError, match="moving mesh with slider 'run'.*moving elements"):
             call()
