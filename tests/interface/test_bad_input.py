@@ -450,7 +450,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Scene.position_of": Call(SCENE.position_of, dict(thing=MASS), dict(thing=NODE)),
         "compile_scene": Call(fb.compile_scene, dict(scene=fb.Scene(BEAM)), dict(
             scene=one_of(fb.Scene), solver=is_text, eliminate_inner=is_flag, planar=either(is_flag, among("auto")),
-            condense=either(is_flag, among("auto")))),
+            condense=either(is_flag, among("auto")), moving=either(is_flag, among("auto")))),
         "Model.node_label": Call(model().node_label, dict(node=0), dict(node=is_count)),
         "simulate": Call(fb.simulate, dict(model=model(), **ends_at_once), ROWS | dict(
             model=one_of(Model), start=one_of(State, fb.Checkpoint, fb.Start), t_end=is_real, step=is_real, order=is_count,
@@ -559,7 +559,7 @@ def calls(folder: Path) -> dict[str, Call]:
                                 dict(path=PATH, overwrite=is_flag)),
         "Result": Call(fb.Result, dict(t=[0.0, 1.0]), dict(
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
-            t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, spins=is_series,
+            t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, spins=is_series, mesh=is_series,
             events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
            for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved",

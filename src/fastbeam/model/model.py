@@ -364,9 +364,9 @@ class Model(WithFeatures):
             ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
         return ends
 
-    def state_for(self, names: Mapping[str, list[object]], state: State, moving: Any = None) -> State:
+    def state_for(self, names: Mapping[str, list[object]], state: State, moving: Feature | None = None) -> State:
         """Map a state of another model, with these names of parts and moving meshes, to this model; see `Result.state_for`."""
-        return state_for(self, names, state, moving)
+        return state_for(self, names, state, moving)  # type: ignore[arg-type]
 
     @property
     def panel_rows(self) -> int:
