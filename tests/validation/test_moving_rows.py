@@ -80,6 +80,20 @@ def test_section_forces_of_rows_states_and_files(moved: Any) -> None:
         fb.Result(t=[0.0], t_snap=[0.0], phi=np.zeros((1, 2, 3)), mesh=np.zeros((1, 2, 3)))
 
 
+def test_sections_beside_reactions_are_those_of_stresses() -> None:
+    """Forces from balance are those of elements that stand, and are not told."""
+    scene = rider(at=0.6, rate=0.0)
+    model, beam = fb.compile_scene(scene, moving=True), scene.beams[0]
+    found = [fb.solve_static(model, held=True, points={"inside": (beam, INSIDE)}, observe=kinds).section("inside")
+             for kinds in (("section",), ("section", "reaction"))]
+    assert "force" not in found[1]
+    np.testing.assert_array_equal(found[0]["M2"], found[1]["M2"])
+    (_, one), (_, other) = (run(scene, True, {"inside": (beam, INSIDE)}, observe=kinds) for kinds in (
+        ("slider", "section"), ("slider", "section", "reaction")))
+    np.testing.assert_array_equal(one.section("inside")["M2"], other.section("inside")["M2"])
+    assert "force" not in other.section("inside")
+
+
 def test_states_go_from_one_mesh_to_another() -> None:
     scene = rider()
     (moving, one), (standing, other) = (run(scene, x, output=fb.Output(snapshots=300)) for x in (True, False))

@@ -185,7 +185,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
                    solving.augmentation, solving.threads)
     stepper.points = rows_of_points
     if isinstance(stepper, ReactingStepper):
-        stepper.cut(rows_of_points.sections)
+        stepper.cut(rows_of_points.balanced)
     observer = Observer(model, observe, rows_of_points, stepper.lost if scheme.filters else None, stepper.strains,
                         stepper.plane)
     run = _Run(model, stepper, observer, clock, t_end, order, kept, callback, sizes, progress)

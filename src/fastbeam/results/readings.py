@@ -127,7 +127,7 @@ class Readings:
 
         With `observe=("section", "reaction", ...)` also 'force' (N) and 'moment' about the section (N m) in space, [n, 3] each,
         from the balance of what lies behind it: in equilibrium with reactions, loads and inertia to round-off (theory.md (4.35));
-        means of the steps around a row, as reactions are.
+        means of the steps around a row, as reactions are. They are not known of beams whose elements move with contacts.
 
         Raises
         ------

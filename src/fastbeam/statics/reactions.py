@@ -37,4 +37,4 @@ class StaticReactions:
 
 def reactions_of(solver: StaticSolver, observer: Observer) -> StaticReactions | None:
     """Return the reactions of a solver that rows hold; None where they hold none."""
-    return StaticReactions(solver, observer.points.sections) if observer.reactions or observer.cut else None
+    return StaticReactions(solver, observer.points.balanced) if observer.reactions or observer.cut else None

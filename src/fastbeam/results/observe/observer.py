@@ -70,7 +70,7 @@ class Observer:
         self.of_nodes = "velocity" in kinds
         self.reactions = model.reaction_names if "reaction" in kinds else []
         # points whose section is balanced with them
-        self.cut = [k for k, x in enumerate(self.points.sections) if x is not None] if "reaction" in kinds else []
+        self.cut = [k for k, x in enumerate(self.points.balanced) if x is not None] if "reaction" in kinds else []
         self._gap = empty(model.n_sliders)
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None

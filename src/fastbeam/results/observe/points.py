@@ -35,6 +35,8 @@ class PointSeries:
         # those whose elements move with contacts
         self._moves = {k: x for k, x in enumerate(self.sections)
                        if x is not None and model.moving is not None and model.moving.has(x.first)}
+        # those whose forces follow from balance: elements of beams with nodes that stay where they are
+        self.balanced = [None if k in self._moves else x for k, x in enumerate(self.sections)]
         self._model = model
         # material points of beams whose elements move: first node of the beam, and arc length
         self._inside = {k: at for k, what in enumerate(given.values()) if (at := _on_moving(model, what)) is not None}
