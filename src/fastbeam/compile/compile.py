@@ -22,11 +22,11 @@ from fastbeam.compile.condense import Condensed
 from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
 from fastbeam.compile.moving_meshes import meshes_of, moving_tables, with_tables
-from fastbeam.compile.remeshing import remeshed
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
 from fastbeam.compile.redundancy import softness_of
+from fastbeam.compile.remeshing import remeshed
 from fastbeam.compile.report import describe
 from fastbeam.compile.tracks import corners_of, contact_curve_of
 from fastbeam.compile.unpack import Loads, Unpacked, unpack

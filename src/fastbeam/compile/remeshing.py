@@ -35,9 +35,8 @@ def with_moving_meshes(scene: Scene) -> Scene:
     Beams with sliders keep their number of elements. With one slider half of them are on either side of it; with several they are
     distributed over the parts between contacts by their lengths at the start, at least one each. If contacts move far from there,
     distribute the elements by hand (`MovingMesh`), or use the scene as it is: an event `coarse` tells where elements become too
-    long. Parts at the ends of these beams, and sliders on them,
-    refer to the new beams. Sleeves hold their beam at one point; those with `length=` raise an error unless Coulomb friction
-    needs the length. Everything else is unchanged.
+    long. Parts at the ends of these beams, and sliders on them, refer to the new beams. Sleeves hold their beam at one point;
+    those with `length=` raise an error unless Coulomb friction needs the length. Everything else is unchanged.
 
     Parameters
     ----------

@@ -109,9 +109,10 @@ class Motions(Tabled):
 
     def __init__(self, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any, info: dict[str, Any],
                  names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
-        self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals
-        # those of nodes, of which moving meshes show material points
+        self.slides, self.residuals = slides, residuals
+        # of nodes; rows of moving meshes are those of material points
         self._of_nodes = displacements, spins
+        self.displacements, self.spins = source.own_rows(displacements, spins)
         self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
         self._source = source
 

@@ -19,9 +19,9 @@ from fastbeam.kernels.loop import OK, SLIDER_END, external_forces
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
 from fastbeam.model.analyses import Analysis, require
+from fastbeam.model.contact.moving_meshes import Moving
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
-from fastbeam.model.contact.moving_meshes import Moving
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer

@@ -535,12 +535,10 @@ def _result(model: Model, solver: PathSolver, tangent: _Tangent, found: _Found, 
             "unstable_directions": tangent.unstable, "conservative": tangent.is_symmetric,
             "toppling": _toppling(solver, tangent, found), "solver": "none" if tangent.held.by is None else tangent.held.by.name}
     by = 1.0 / size[:, None, None]
-    modes = BucklingModes(solver.factor + change, change, *about.own_rows(by * moved, by * spins),
-                          x[solver.places].T / size[:, None] * solver.sliding, residuals,
-                          rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
-                          *about.own_shape())
-    modes._of_nodes = by * moved, by * spins
-    return modes
+    return BucklingModes(solver.factor + change, change, by * moved, by * spins,
+                         x[solver.places].T / size[:, None] * solver.sliding, residuals,
+                         rough / np.maximum(geometric, 1e-300), np.abs(change) * tangent.reach, about, info, model.names,
+                         *about.own_shape())
 
 
 def _toppling(solver: PathSolver, tangent: _Tangent, found: _Found) -> int:

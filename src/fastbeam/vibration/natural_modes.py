@@ -289,10 +289,8 @@ def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
     by = factor[:, None, None]
     info = {"scene": about.model.scene_name, "method": "damped modes", "unknowns": k, "held_sliders": about.held_sliders,
             "moves_in": "space" if about.size == 6 else "plane"}
-    modes = DampedModes(found.rates, *about.own_rows(by * moved, by * spins), found.vectors[k:k + s].T * factor[:, None]
-                        * about.sliding, found.residuals, about, info, about.model.names, *about.own_shape())
-    modes._of_nodes = by * moved, by * spins
-    return modes
+    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None] * about.sliding,
+                       found.residuals, about, info, about.model.names, *about.own_shape())
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:
@@ -334,7 +332,5 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
                             "left_out": pencil.still.shape[1], "complete": found.is_complete,
                             "moves_in": "space" if about.size == 6 else "plane", "unknowns": k,
                             "held_sliders": about.held_sliders}
-    modes = Modes(values, *about.own_rows(by * moved, by * spins), vectors[k:k + s].T / size[:, None] * about.sliding,
-                  1.0 / size**2, (part**2).T, residuals, found.noise, about, info, about.model.names, *about.own_shape())
-    modes._of_nodes = by * moved, by * spins
-    return modes
+    return Modes(values, by * moved, by * spins, vectors[k:k + s].T / size[:, None] * about.sliding, 1.0 / size**2,
+                 (part**2).T, residuals, found.noise, about, info, about.model.names, *about.own_shape())

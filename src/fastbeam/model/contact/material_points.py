@@ -1,22 +1,12 @@
 """Material points of beams whose elements move with contacts (theory.md 5.12): shapes and rates at fixed arc lengths."""
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import numpy as np
 
 from fastbeam.kernels.contact.moving_beam import MovingBeam
-from fastbeam.model.contact.moving_tables import element_lengths, slopes_of
-from fastbeam.scene.interpolation.basis import build_basis
+from fastbeam.model.contact.moving_tables import element_ends, element_lengths, slopes_of, unit_element
 
 Array = np.ndarray
-
-
-@cache
-def _curve(degree: int) -> Any:
-    """Return the shape functions of an element of length 1 as a curve."""
-    return build_basis("lagrange", degree, 1, 1.0).curve("own")
 
 
 class MaterialPoints:
@@ -28,11 +18,10 @@ class MaterialPoints:
 
     def __init__(self, table: MovingBeam, at: Array, s: Array) -> None:
         self.table, self._s = table, s
-        lengths = element_lengths(table, s)
-        begins = np.concatenate(([0.0], np.cumsum(lengths)[:-1]))
+        lengths, begins = element_lengths(table, s), element_ends(table, s)[:-1]
         self._element = np.clip(np.searchsorted(begins, at, side="right") - 1, 0, None)
         self._local = (at - begins[self._element]) / lengths[self._element]
-        _, self.values, slopes = _curve(table.node.shape[1] - 1).evaluate(self._local)
+        _, self.values, slopes = unit_element(table.node.shape[1] - 1)[1].evaluate(self._local)
         self.nodes, self.slopes = table.node[self._element], slopes / lengths[self._element, None]
 
     def of(self, x: Array) -> Array:

@@ -18,6 +18,7 @@ from fastbeam.kernels.state import State, aligned
 from fastbeam.model.analyses import Analysis, Lack, without_adjoint
 from fastbeam.model.contact.material_points import MaterialPoints
 from fastbeam.model.contact.moving_tables import (
+    element_ends,
     element_lengths,
     mass_matrix,
     masses,
@@ -163,8 +164,7 @@ class Moving(Feature):
 
     def element_ends(self, first: int, s: Array) -> Array:
         """Return the ends of the elements of the beam with this first node, m, with the places of all sliders."""
-        table = self._table_from(first)
-        return np.concatenate(([0.0], np.cumsum(element_lengths(table, s))[:-1], table.length[:1]))
+        return element_ends(self._table_from(first), s)
 
     def table_of(self, k: int) -> Any:
         """Return the term of the beam of slider k."""

@@ -222,11 +222,15 @@ def element_lengths(table: MovingBeam, s: Array) -> Array:
     return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
 
 
+def element_ends(table: MovingBeam, s: Array) -> Array:
+    """Return the ends of the elements of a beam, with the places of all sliders: [E + 1], m."""
+    return np.concatenate(([0.0], np.cumsum(element_lengths(table, s))[:-1], table.length[:1]))
+
+
 def node_places(table: MovingBeam, s: Array) -> Array:
     """Return the arc lengths of the nodes of a beam, with the places of all sliders: [n], m."""
-    h, p = element_lengths(table, s), table.node.shape[1] - 1
-    begins = np.concatenate(([0.0], np.cumsum(h)[:-1]))
-    inside = begins[:, None] + h[:, None] * _slopes_at_nodes(p)[0][:-1]
+    at, _ = unit_element(table.node.shape[1] - 1)
+    inside = element_ends(table, s)[:-1, None] + element_lengths(table, s)[:, None] * at[:-1]
     return np.append(inside.reshape(-1), table.length[0])
 
 
@@ -257,17 +261,18 @@ def of_rates(table: MovingBeam, q: Array, s: Array) -> Iterator[OfRates]:
 
 
 @cache
-def _slopes_at_nodes(degree: int) -> tuple[Array, Array]:
-    """Return the nodes of an element of length 1 [n], and the slopes of its shape functions at them [n, n]."""
+def unit_element(degree: int) -> tuple[Array, Any]:
+    """Return the nodes of an element of length 1 [n], and its shape functions as a curve."""
     unit = build_basis("lagrange", degree, 1, 1.0)
-    return unit.node_s, unit.curve("own").evaluate(unit.node_s)[2]
+    return unit.node_s, unit.curve("own")
 
 
 def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
     """Return the motion of the nodes of a beam along it, (v, spin) of so many nodes for ds/dt of its contacts, sparse
     [6 nodes, S], at coordinates [N, 4, 3] and places of all sliders. At element ends slopes are means of both sides."""
     n, (begin, end) = table.node.shape[1], table.share.T
-    at, slopes = _slopes_at_nodes(n - 1)
+    at, curve = unit_element(n - 1)
+    slopes = curve.evaluate(at)[2]
     # d/ds of the coordinates at the nodes of every element
     found = np.einsum("ab,ebkc->eakc", slopes, q[table.node]) / element_lengths(table, s)[:, None, None, None]
     d = q[table.node][:, :, 1:]
