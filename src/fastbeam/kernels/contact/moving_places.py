@@ -21,9 +21,9 @@ MEAN, SLOPE, BEND, BEFORE, AFTER = range(5)
 NOW, ALLOWED, WAITS, MAY_WAIT = range(4)
 
 
-class Excess(NamedTuple):
-    """Length e that is added to a distance x from an end: at both ends of a step, its mean slope, its slope at the end of the
-    step, and the derivative of the mean slope by x at the end."""
+class InStep(NamedTuple):
+    """Number that follows from a place: at both ends of a step, its divided difference by the place, its derivative at the end of
+    the step, and that of the divided difference."""
 
     start: float
     end: float
@@ -34,10 +34,10 @@ class Excess(NamedTuple):
 
 @kernel
 def excess(x0, x1, r):
-    """Return the `Excess` of a distance that goes from x0 to x1: e = r (1 - z)^3 (1 + z), z = x/2r, for x from 0 to 2r; 0 beyond,
-    and x + e = r on the way of an iteration behind the end."""
+    """Return the length e that is added to a distance from an end, which goes from x0 to x1: e = r (1 - z)^3 (1 + z), z = x/2r,
+    for x from 0 to 2r; 0 beyond, and x + e = r on the way of an iteration behind the end."""
     if r == 0.0 or (x0 >= 2.0 * r and x1 >= 2.0 * r):
-        return Excess(0.0, 0.0, 0.0, 0.0, 0.0)
+        return InStep(0.0, 0.0, 0.0, 0.0, 0.0)
     a = min(max(0.0, 1.0 - 0.5 * x0 / r), 1.0)
     b = min(max(0.0, 1.0 - 0.5 * x1 / r), 1.0)
     squares = a * a + b * b
@@ -46,12 +46,12 @@ def excess(x0, x1, r):
     start = r * a**3 * (2.0 - a) - min(x0, 0.0)
     end = r * b**3 * (2.0 - b) - min(x1, 0.0)
     if min(x0, x1) >= 0.0 and max(x0, x1) <= 2.0 * r:
-        return Excess(start, end, -0.5 * mean, slope, 0.25 / r * (2.0 * (a + 2.0 * b) - squares - 2.0 * b * (a + b)))
+        return InStep(start, end, -0.5 * mean, slope, 0.25 / r * (2.0 * (a + 2.0 * b) - squares - 2.0 * b * (a + b)))
     if max(x0, x1) <= 0.0:
-        return Excess(start, end, -1.0, -1.0, 0.0)
+        return InStep(start, end, -1.0, -1.0, 0.0)
     # the step leads from one part to another
     mean = (mean * r * (b - a) - (min(x1, 0.0) - min(x0, 0.0))) / (x1 - x0)
-    return Excess(start, end, mean, slope, (slope - mean) / (x1 - x0))
+    return InStep(start, end, mean, slope, (slope - mean) / (x1 - x0))
 
 
 @kernel
@@ -97,40 +97,29 @@ def put_shift(following, f, s0, s1):
     following.shift[f, AFTER] = s1 + low.end - high.end
 
 
-class OnMesh(NamedTuple):
-    """Places u of a contact along the beam as it was compiled at both ends of a step; divided difference by s, derivative by s at
-    the end of the step, and that of the divided difference."""
-
-    start: float
-    end: float
-    mean: float
-    slope: float
-    bend: float
-
-
 @kernel
 def share_of_excess(x0, x1, r):
-    """Return e/(x + e), as `OnMesh`, for a distance that goes from x0 to x1."""
+    """Return e/(x + e) for a distance that goes from x0 to x1."""
     e = excess(x0, x1, r)
     y0 = x0 + e.start
     y1 = x1 + e.end
     if r == 0.0:
-        return OnMesh(0.0, 0.0, 0.0, 0.0, 0.0)
+        return InStep(0.0, 0.0, 0.0, 0.0, 0.0)
     by_step = x0 * e.mean - e.start
     over = 1.0 / (y0 * y1)
-    return OnMesh(e.start / y0, e.end / y1, by_step * over, (x1 * e.slope - e.end) / (y1 * y1),
+    return InStep(e.start / y0, e.end / y1, by_step * over, (x1 * e.slope - e.end) / (y1 * y1),
                   over * (x0 * e.bend - by_step * (1.0 + e.slope) / y1))
 
 
 @kernel
 def on_mesh(following, f, s0, s1):
-    """Return the `OnMesh` of contact f that goes from s0 to s1."""
+    """Return the place u of contact f, which goes from s0 to s1, along the beam as it was compiled."""
     reach = following.reach[f]
     at = reach[NODE_AT]
     rest = reach[LENGTH] - at
     low = share_of_excess(s0, s1, reach[FROM_START])
     high = share_of_excess(reach[LENGTH] - s0, reach[LENGTH] - s1, reach[FROM_END])
-    return OnMesh(at * (1.0 - low.start) + rest * high.start, at * (1.0 - low.end) + rest * high.end,
+    return InStep(at * (1.0 - low.start) + rest * high.start, at * (1.0 - low.end) + rest * high.end,
                   -at * low.mean - rest * high.mean, -at * low.slope - rest * high.slope, rest * high.bend - at * low.bend)
 
 
