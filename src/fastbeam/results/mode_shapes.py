@@ -112,7 +112,7 @@ class Motions(Tabled):
         self.slides, self.residuals = slides, residuals
         # of nodes; rows of moving meshes are those of material points
         self._of_nodes = displacements, spins
-        self.displacements, self.spins = source.own_rows(displacements, spins)
+        self.displacements, self.spins = (displacements, spins) if source is None else source.own_rows(displacements, spins)
         self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
         self._source = source
 
