@@ -15,6 +15,7 @@ from fastbeam.kernels.state import State
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
+from fastbeam.model.maps import spins
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.statics.linear_response import OutOfPlane, Response, at_shape
@@ -226,10 +227,10 @@ def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], loa
             continue
         direction = point.solved(change)
         by[name] = -float(family.slope(name, [point.curvature(x) for x in around(name, direction)])) / by_load
-    mode = np.asarray(base.lift() @ point.null[:base.nodes]).reshape(-1, 4, 3)
-    spins = 0.5 * np.cross(base.state.q.reshape(-1, 4, 3)[:, 1:], mode[:, 1:]).sum(axis=1)
-    largest = float(np.max(np.linalg.norm(mode[:, 0], axis=1))) or float(np.max(np.linalg.norm(spins, axis=1)))
-    return CriticalSlopes("limit" if point.is_limit else "bifurcation", load_factor, by, mode[:, 0] / largest, spins / largest)
+    q, mode = base.own_rates(point.null)
+    turns = spins(q, mode)
+    largest = float(np.max(np.linalg.norm(mode[:, 0], axis=1))) or float(np.max(np.linalg.norm(turns, axis=1)))
+    return CriticalSlopes("limit" if point.is_limit else "bifurcation", load_factor, by, mode[:, 0] / largest, turns / largest)
 
 
 def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_factor: float) -> float:

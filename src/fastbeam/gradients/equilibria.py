@@ -274,13 +274,13 @@ class Sensitivity(Doubts):
                                    state=self.state)
         by = {name: float(objective.explicit(x.explicit) + adjoint @ x.unbalanced) for name, x in self._slopes.items()}
         base = self._base
-        rates = np.asarray(base.lift() @ adjoint[:base.nodes]).reshape(-1, 4, 3)
-        q = base.state.q.reshape(-1, 4, 3)
+        rates = np.asarray(base.lift() @ adjoint[:base.places.stop])
         own = base.stepper.model
         factor = float(base.stepper.law_work[1]) * (1.0 if own.gravity_time is None else factor_at(
             own.gravity_time, float(base.stepper.law_work[0])))
-        sections = section_gradients(own, q, rates, strain_energy, factor * own.gravity)
-        return Gradient(by, sections, rates[:, 0], spins(q, rates))
+        sections = section_gradients(own, base.state, rates, strain_energy, factor * own.gravity)
+        q, of_nodes = base.own_rates(adjoint)
+        return Gradient(by, sections, of_nodes[:, 0], spins(q, of_nodes))
 
     # --- vibration -----------------------------------------------------------------------------------------------------------
     @checked(n=Count(most=10_000), planar=Flag())

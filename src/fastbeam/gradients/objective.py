@@ -28,29 +28,25 @@ class Linear:
 
     def __init__(self, base: Response, named: Mapping[str, Place]) -> None:
         self.base, self.names = base, list(named)
-        self.points = list(Observer(base.stepper.model, (), named).points.places.values())
-        self.lift = base.lift()
+        # derivatives of points by unknowns of nodes and places of sliders
+        self.points = Observer(base.stepper.model, (), named).points.slopes(base.state) @ base.lift()
         at = base.nodes + base.sliding.size
         self.of_s = slice(base.nodes, at)
         self.of_forces = slice(at, at + base.core.dim * base.sliding.size)
 
     def along(self, x: Array) -> dict[str, Array]:
         """Return the changes of these quantities with the unknowns [n]: points [P, 3], s_slide [S], contact_force [S, 3]."""
-        rates = np.asarray(self.lift @ x[:self.base.nodes]).reshape(-1, 4, 3)
-        points = [np.einsum("ma,mac->c", weights, rates[nodes]) for nodes, weights in self.points]
+        points = np.asarray(self.points @ x[:self.of_s.stop])
         force, plane = x[self.of_forces].reshape(-1, self.base.core.dim), self.base.stepper.plane
-        return {"points": np.array(points).reshape(-1, 3), "s_slide": x[self.of_s],
+        return {"points": points.reshape(-1, 3), "s_slide": x[self.of_s],
                 "contact_force": force if plane is None else force @ plane.axes[:2]}
 
     def slope(self, points: Array, s: Array, forces: Array) -> Array:
         """Return the derivative of a sum with these weights [P, 3], [S], [S, 3] by the unknowns [n]: the transpose."""
         base, plane = self.base, self.base.stepper.plane
-        by_q = np.zeros((base.stepper.model.n_nodes, 4, 3))
-        for weight, (nodes, weights) in zip(points, self.points):
-            np.add.at(by_q, nodes, weights[:, :, None] * weight)
         out = np.zeros(base.unknowns)
-        out[:base.nodes] = self.lift.T @ by_q.reshape(-1)
-        out[self.of_s] = s
+        out[:self.of_s.stop] = self.points.T @ points.reshape(-1)
+        out[self.of_s] += s
         out[self.of_forces] = (forces if plane is None else forces @ plane.axes[:2].T).reshape(-1)
         return out
 
@@ -78,7 +74,7 @@ class Objective:
         """Return the derivative by the unknowns [n]."""
         out = self.linear.slope(self.points, self.s, self.forces)
         if self.strain_energy:
-            out[:self.linear.base.nodes] += self.strain_energy * self.linear.base.inner_forces()
+            out[:self.linear.of_s.stop] += self.strain_energy * self.linear.base.inner_forces()
         return out
 
     def explicit(self, rows: Mapping[str, Array]) -> float:

@@ -7,7 +7,10 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.kernels.layout import CONSTANTS, LIST, NODES, POINTS, REFERENCE, layout_of
+from fastbeam.kernels.state import State
+from fastbeam.model.contact.moving_tables import element_lengths, rest_strains, slopes_of
 from fastbeam.model.model import Model
 from fastbeam.model.tables import strains_of
 
@@ -60,7 +63,8 @@ class SectionGradient(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Elements with equal numbers of nodes and points."""
+    """Elements with equal numbers of nodes and points. Along a motion of their mesh arrays are complex, with its rates times
+    `TINY`."""
 
     strain: str
     nodes: Array      # int [E, nn]
@@ -68,7 +72,6 @@ class Lanes(NamedTuple):
     shapes: Array     # float64 [E, nq, nn, 3]: phi_s, dir, dir_s
     reference: Array  # float64 [E, nq, 6]
     mass: Array       # float64 [E, nn, nn], m: of positions
-    turning: Array    # float64 [E, nn, nn], m: of directors
     stiffness: Array  # float64 [E, 6, 6]
 
 
@@ -93,9 +96,22 @@ def lanes_of(model: Model) -> list[Lanes]:
             live = tables.rows[where].reshape(len(meta), nn, 8)[:, 0].reshape(-1) != model.n_nodes
             out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
                               rows(0, REFERENCE, 6 * nq, tab=model.reference_strains).reshape(-1, nq, 6)[live],
-                              *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses)),
+                              rows(at.masses, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live],
                               moduli_of(tables._replace(meta=meta), 6)[live]))
     return out
+
+
+def moving_lanes(table: MovingBeam, s: Array, along: Array) -> Lanes:
+    """Return the elements of a beam that move, at places of all sliders [S], along the motion of these [S]."""
+    h = element_lengths(table, s)
+    # lengths are linear in the places of element ends
+    ends = np.append(slopes_of(table, s) * along[table.slider], 0.0)[table.slot]
+    h = h + 1j * TINY * (table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0])
+    of_length = h[:, None, None]
+    values, slopes = table.shape[0] + 0.0 * of_length, table.shape[1] / of_length
+    mass = np.einsum("g,gn,gm->nm", table.mass_point[1], table.mass_shape[0], table.mass_shape[0]) * of_length
+    return Lanes("simo_reissner", table.node, h[:, None] * table.weight, np.stack((slopes, values, slopes), axis=3),
+                 rest_strains(table, h), mass, np.broadcast_to(table.stiffness, (h.size, 6, 6)))
 
 
 def moduli_of(tables: ElementTables, size: int) -> Array:
@@ -121,27 +137,32 @@ def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
     return of, parts
 
 
-def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gravity: Array) -> dict[str, SectionGradient]:
+def section_gradients(model: Model, state: State, adjoint: Array, energy: float, gravity: Array) -> dict[str, SectionGradient]:
     """Return the gradients of an objective by the sections of all beams.
 
     model: Model in space, without condensed beams.
-    q: float64 [N, 4, 3], the equilibrium.
-    adjoint: float64 [N, 4, 3], rates of all coordinates along the adjoint solution.
+    state: the equilibrium.
+    adjoint: float64 [12 N + S], rates of all coordinates and places of sliders along the adjoint solution.
     energy: weight of the strain energy in the objective.
     gravity: float64 [3], gravity times its load factor, m/s^2.
     """
     of, parts = beam_numbers(model)
     n = max((x.stop for x in parts.values()), default=0)
     stiffness, prestrain, density = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros(n)
-    for lanes in lanes_of(model):
-        x = q[lanes.nodes] + 1j * TINY * adjoint[lanes.nodes]
+    along, places = np.split(adjoint, [state.q.size])
+    q = (state.q + 1j * TINY * along).reshape(-1, 4, 3)
+    moving = () if model.moving is None else model.moving.tables
+    for lanes in [*lanes_of(model), *(moving_lanes(table, state.s, places) for table in moving)]:
+        x = q[lanes.nodes]
         f = np.einsum("egn,enc->egc", lanes.shapes[..., 0], x[:, :, 0])
         d, k = (np.einsum("egn,enkc->egkc", lanes.shapes[..., i], x[:, :, 1:]) for i in (1, 2))
-        found = strains_of(lanes.strain, f, d, k)
-        strain, change = found.real - lanes.reference, found.imag / TINY
-        by_c = np.einsum("eg,egi,egj->eij", lanes.weight, 0.5 * energy * strain - change, strain)
+        strain = strains_of(lanes.strain, f, d, k) - lanes.reference
+        # derivatives of the strain energy, and along the adjoint solution of that and of the energy of gravity
+        by_c = 0.5 * np.einsum("eg,egi,egj->eij", lanes.weight, strain, strain)
+        by_strain = np.einsum("eij,eg,egj->ei", lanes.stiffness, lanes.weight, strain)
+        height = np.einsum("en,enc,c->e", lanes.mass.sum(axis=2), x[:, :, 0], gravity)
         own = of[lanes.nodes[:, 0]]
-        np.add.at(stiffness, own, 0.5 * (by_c + by_c.transpose(0, 2, 1)))
-        np.add.at(prestrain, own, np.einsum("eij,eg,egj->ei", lanes.stiffness, lanes.weight, energy * strain - change))
-        np.add.at(density, own, np.einsum("en,enc,c->e", lanes.mass.sum(axis=2), adjoint[lanes.nodes, 0], gravity))
+        np.add.at(stiffness, own, energy * by_c.real - by_c.imag / TINY)
+        np.add.at(prestrain, own, energy * by_strain.real - by_strain.imag / TINY)
+        np.add.at(density, own, height.imag / TINY)
     return {name: SectionGradient(stiffness[part], density[part], prestrain[part]) for name, part in parts.items()}

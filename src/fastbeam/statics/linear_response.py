@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.state import State
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import follow, turned
@@ -95,20 +96,49 @@ class Response(SlidingSolver):
         return found
 
     def inner_forces(self) -> Array:
-        """Return the forces of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""
-        loads, force = self._loads.copy(), self.stepper.core_state.force.copy()
-        self._loads[:] = self.stepper.core_state.force[:] = 0.0
-        found = -self.unbalanced()[:self.nodes]
-        self._loads[:], self.stepper.core_state.force[:] = loads, force
+        """Return the forces of beams, springs and joints on the unknowns of nodes, and the derivatives of the energy of moving
+        elements by the places of free sliders [m + S], without loads and contact forces."""
+        state, moving = self.stepper.core_state, self.stepper.own.get("moving")
+        arrays = [self._loads, state.force] + ([] if moving is None else [moving.gravity])
+        kept = [x.copy() for x in arrays]
+        for x in arrays:
+            x[:] = 0.0
+        found = -self.unbalanced()[:self.places.stop]
+        if moving is None:
+            found[self.places] = 0.0
+        elif self.along is not None:
+            # without forces along beams
+            found[self.places] += np.where(self.sliding, self.along.known(state.s)[0], 0.0)
+        for x, before in zip(arrays, kept):
+            x[:] = before
         return found
 
+    def with_meshes(self, x: Array) -> Array:
+        """Return unknowns of nodes [m] with unknowns of the material [n]: nodes of moving meshes follow the places."""
+        own = x[:self.nodes]
+        return own if self.core.moving is None else own + self.constraints.ways @ x[self.places]
+
     def lift(self) -> Any:
-        """Return the map from unknowns of the nodes to rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
-        return self.map.rates(self.state.q)
+        """Return the map from unknowns of nodes and places of sliders to rates of the 12 coordinates of all nodes, and of the
+        places, sparse [12 N + S, m + S]."""
+        rates, places = self.map.rates(self.state.q), sparse.identity(self.sliding.size)
+        return sparse.bmat([[rates, None if self.core.moving is None else rates @ self.constraints.ways], [None, places]], "csr")
 
     def spread(self, x: Array) -> Array:
         """Return displacements and spins of the nodes that the unknowns [n] of nodes belong to, [N, 6]; tied nodes have none."""
-        return np.asarray(self.map.rows @ x[:self.nodes]).reshape(-1, 6)
+        return np.asarray(self.map.rows @ self.with_meshes(x)).reshape(-1, 6)
+
+    def own_rates(self, x: Array) -> tuple[Array, Array]:
+        """Return the coordinates and, for unknowns [n], their rates [N, 4, 3] of all nodes as results have them: on moving meshes
+        of material points."""
+        state, rates = self.state, np.asarray(self.lift() @ x[:self.places.stop])
+        moving = self.stepper.model.moving
+        q, v = state.q, rates[:state.q.size]
+        if moving is None:
+            return q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
+        history = state.history.copy()
+        moving.put_places(history, rates[state.q.size:][moving.sliders])
+        return moving.own_shape(State(q, v, state.s, state.force, history))
 
 
 def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float,

@@ -31,9 +31,16 @@ class MaterialPoints:
     def rates(self, q: Array, v: Array, of_places: Array) -> Array:
         """Return the rates of the material [m, 4, 3] from coordinates and rates of all nodes [N, 4, 3] and ds/dt of the contacts
         of the beam [S]."""
-        table = self.table
-        along = np.append(slopes_of(table, self._s) * of_places, 0.0)[table.slot[self._element]]
-        share = table.share[self._element]
+        return self.of(v) - np.einsum("ms,s,mkc->mkc", self.mesh(), of_places, self.tangents(q))
+
+    def tangents(self, q: Array) -> Array:
+        """Return the derivatives of the coordinates by the arc length at coordinates of all nodes [N, 4, 3], [m, 4, 3]."""
+        return np.einsum("mn,mnkc->mkc", self.slopes, q[self.nodes])
+
+    def mesh(self) -> Array:
+        """Return the motion of the mesh along the beam at the points, for ds/dt of its contacts [m, S]."""
+        table, along = self.table, slopes_of(self.table, self._s)
+        slot, share = table.slot[self._element], table.share[self._element]
         f = share[:, 0] + self._local * (share[:, 1] - share[:, 0])
-        mesh = (1.0 - f) * along[:, 0] + f * along[:, 1]
-        return self.of(v) - mesh[:, None, None] * np.einsum("mn,mnkc->mkc", self.slopes, q[self.nodes])
+        return sum(np.where(slot[:, side, None] == np.arange(along.size), part[:, None] * along, 0.0)
+                   for side, part in ((0, 1.0 - f), (1, f)))

@@ -47,7 +47,7 @@ class Moving(Feature):
 
     key, title, order, is_told_first = "moving", "moving elements (MovingMesh)", 100, True
     lacks = (
-        Lack((Analysis.COMPARED, Analysis.LENGTHS, Analysis.SENSITIVITY, Analysis.STEADY), "moving elements",
+        Lack((Analysis.COMPARED, Analysis.LENGTHS, Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements", AWAY,
              lambda moving, asked: moving.names),
         Lack((Analysis.EXACT,), "moving elements",
@@ -275,6 +275,14 @@ class Moving(Feature):
             displacements[:, nodes] = np.einsum("an,manc->mac", of.values, displacements[:, of.nodes])
             spins[:, nodes] = 0.5 * np.cross(d, rates).sum(axis=2)
         return displacements, spins
+
+    def point_slope(self, first: int, at: float, state: State) -> tuple[Array, Array, Array]:
+        """Return the nodes [n] around the material point at this arc length of the beam with this first node, weights [n] of
+        their displacements in its own, and its derivatives by the places of all sliders while nodes stay, [S, 3]."""
+        table = self._table_from(first)
+        of, by_places = MaterialPoints(table, np.array([at]), state.s), np.zeros((state.s.size, 3))
+        by_places[table.slider] = -np.outer(of.mesh()[0], of.tangents(state.q.reshape(-1, 4, 3))[0, 0])
+        return of.nodes[0], of.values[0], by_places
 
     def point(self, first: int, at: float, state: State) -> tuple[Array, Array]:
         """Return the coordinates and rates [4, 3] of the material point at this arc length of the beam with this first node."""

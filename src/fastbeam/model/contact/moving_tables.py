@@ -290,6 +290,16 @@ def ways_of(table: MovingBeam, q: Array, s: Array, nodes: int) -> Any:
     return sparse.csr_matrix((flat[0], (flat[1], flat[2])), shape=(6 * nodes, table.slider.size))
 
 
+def rest_strains(table: MovingBeam, h: Array) -> Array:
+    """Return the reference strains of elements of these lengths [E], which may be complex, [E, points, 6]."""
+    h = h[:, None, None]
+    x, value = np.where(h.real < table.rest_until, h, table.rest_until), np.zeros((1, *table.rest.shape[1:]))
+    for power in table.rest[::-1]:
+        value = value * x + power
+    beyond = np.where(h.real < table.rest_until, 0.0, h - x)
+    return np.asarray((value + beyond * table.rest_slope) / h)
+
+
 class Elements(NamedTuple):
     """Elements of a beam where they are, with points of the stored energy."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from fastbeam.interface.arguments import real, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.interface.lazy_import import sparse
 from fastbeam.kernels.state import State
 from fastbeam.model.model import Model
 from fastbeam.results.observe.resultants import Sections
@@ -77,6 +78,20 @@ class PointSeries:
                     _put(out, k, section, q[section.span])
             self._kept = [q[section.span].copy() for _, section in self.damped]
         return out
+
+    def slopes(self, state: State) -> Any:
+        """Return derivatives of the positions of all points by coordinates and places of sliders in a state, sparse
+        [3 P, 12 N + S]."""
+        n = state.q.size
+        out = sparse.lil_matrix((3 * len(self.places), n + state.s.size))
+        for k, (nodes, weights) in enumerate(self.places.values()):
+            if k in self._inside:
+                nodes, values, by_places = self._model.moving.point_slope(*self._inside[k], state)
+                weights = values[:, None] * (1.0, 0.0, 0.0, 0.0)
+                out[3 * k:3 * k + 3, n:] = by_places.T
+            for axis in range(3):
+                out[3 * k + axis, (12 * nodes[:, None] + 3 * np.arange(4) + axis).reshape(-1)] = weights.reshape(-1)
+        return out.tocsr()
 
     def _inside_at(self, state: State) -> dict[int, tuple[Array, Array]]:
         """Return coordinates and rates [4, 3] of points on beams whose elements move, by their numbers."""
