@@ -278,11 +278,77 @@ def test_relaxed_shapes(gravity_time: Any) -> None:
     assert places[0] > 1.0 and places[0] == pytest.approx(places[1], abs=1e-8)
 
 
-def test_prestrains_of_moving_elements_are_refused() -> None:
-    cable = fb.Beam.straight("cable", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.01, E=1e8, rho=2000.0), elements=8)
-    bead = fb.PointMass("bead", mass=0.1)
-    scene = fb.Scene(cable, bead, fb.Slider("run", bead, cable, at=0.7), fb.Clamp(cable.start), fb.Clamp(cable.end))
-    model = fb.compile_scene(scene, moving=True)
-    for call in (fb.solve_path, fb.critical_loads):
-        with pytest.raises(fb.SceneError, match="prestrains: the elements of beam 'cable' move"):
-            call(model, prestrains={cable: 0.01})
+def on_a_wire(prestrain: float, planar: bool, drawn: float = 10.0) -> tuple[fb.Model, fb.Beam]:
+    """A bead that hangs on a wire beside its middle, drawn to one side by a spring."""
+    section = fb.Section.circle(radius=0.005, E=1e9, rho=7800.0)
+    wire = fb.Beam.straight("wire", (0, 0, 0), (drawn, 0, 0), section=section, elements=12, prestrain=prestrain)
+    bead, post = fb.PointMass("bead", mass=20.0, position=(7, 0, 0)), fb.PointMass("post", mass=1.0, position=(5, 1 - planar, -4))
+    return fb.compile_scene(fb.Scene(
+        wire, bead, post, fb.Pin(wire.start) if planar else fb.Clamp(wire.start), fb.Pin(wire.end), fb.Pin(post),
+        fb.Slider("run", bead, wire, at=7.0), fb.Spring(bead, post, "spring", stiffness=10.0, length=1.0),
+        fb.Load("side", bead, force=(5, 0, 0)), gravity=(0, 0, -9.81)), moving=True), wire
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_changes_of_prestrains(planar: bool) -> None:
+    """A path of prestrains, and lengths that are found, end where a scene with that prestrain rests."""
+    observe = "energy", "section", "reaction"
+    model, wire = on_a_wire(0.0, planar)
+    options: dict[str, Any] = {"points": {"inside": (wire, 3.3)}, "observe": observe}
+    start = fb.solve_static(model).state
+    path = fb.solve_path(model, start=start, prestrains={wire: -0.004}, to=1.0, **options)
+    other, own = on_a_wire(-0.004, planar)
+    rest = fb.solve_static(other, points={"inside": (own, 3.3)}, observe=observe)
+    for key in ("points", "s_slide", "strain", "gravity", "section_force", "section_moment", "reaction", "contact_force"):
+        size = np.max(np.abs(rest.series[key][-1]))
+        np.testing.assert_allclose(path.series[key][-1], rest.series[key][-1], rtol=0.0, atol=1e-9 * size)
+    assert abs(start.s[0] - rest.state.s[0]) > 0.001
+    wanted = {("inside", "z"): rest.series["points"][-1][0, 2], "run": rest.state.s[0],
+              ("inside", "N"): rest.series["section_force"][-1][0, 0]}
+    for what, value in wanted.items():
+        found = fb.find_lengths(model, [wire], {what: value}, points=options["points"])
+        assert found.info["prestrains"]["wire"] == pytest.approx(-0.004, abs=1e-10)
+        assert max(found.series["iterations"]) < 10
+    # prestrains of the model are as before
+    np.testing.assert_array_equal(fb.solve_static(model).state.q, fb.solve_static(model).state.q)
+    assert fb.solve_static(model).state.s[0] == pytest.approx(start.s[0], abs=1e-10)
+
+
+def test_a_sag_that_is_wanted() -> None:
+    """A bead hangs in the middle of a light wire: the length follows from its depth and the stretch; cut lengths weigh less."""
+    section = fb.Section.circle(radius=0.002, E=1e10, rho=100.0)
+    wire = fb.Beam.straight("wire", (0, 0, 0), (10, 0, 0), section=section, elements=12, prestrain=-0.005)
+    bead = fb.PointMass("bead", mass=50.0, position=(5.3, 0, 0))
+    scene = fb.Scene(wire, bead, fb.Slider("run", bead, wire, at=5.3), fb.Pin(wire.start), fb.Pin(wire.end),
+                     gravity=(0, 0, -9.81))
+    model, weights = fb.compile_scene(scene, moving=True), []
+    for mass in ("kept", "per_length"):
+        found = fb.find_lengths(model, [wire], {("bead", "z"): -0.5}, points={"bead": bead}, mass=mass, observe=("energy",))
+        half = np.hypot(5.0, 0.5)
+        tension = 0.5 * 50.0 * 9.81 * half / 0.5
+        assert found.info["unstressed_lengths"]["wire"] == pytest.approx(2.0 * half - 10.0 * tension / section.EA, rel=5e-5)
+        weights.append(found.series["gravity"][-1] - 50.0 * 9.81 * (-0.5))
+        assert found.state.s[0] == pytest.approx(5.0, abs=1e-6)
+    # a triangle of 10 m by 0.5 m with the mass of 10 m; the prestrain of the scene is -0.005
+    assert weights[0] == pytest.approx(section.rhoA * 9.81 * (-0.25) * 10.0, rel=2e-3)
+    factor = found.info["mass_factors"]["wire"]
+    assert factor == pytest.approx((1.0 - found.info["prestrains"]["wire"]) / 1.005)
+    assert weights[1] == pytest.approx(weights[0] * factor, rel=1e-4)
+
+
+def test_heat_that_buckles_a_column_in_an_eye() -> None:
+    """The prestrain at which a column between walls buckles, by its path and by the lowest critical load."""
+    section = fb.Section(EA=1e5, GA2=1e5, GA3=1e5, GJ=50.0, EI2=50.0, EI3=50.0, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section, elements=8)
+    eye = fb.RigidBody("eye", position=(0, 0, 0.55), mass=1.0, inertia=np.eye(3))
+    scene = fb.Scene(column, eye, fb.Clamp(eye.center), fb.Clamp(column.start), fb.Clamp(column.end),
+                     fb.Slider("run", eye, column, at=0.55))
+    model = fb.compile_scene(scene, moving=True, planar=True)
+    path = fb.solve_path(model, prestrains={column: -0.1}, to=1.0, step=0.05, stop_at="bifurcation")
+    at = float(path.series["load_factor"][-1])
+    near = fb.solve_path(model, prestrains={column: -0.1}, to=0.9 * at, step=0.05)
+    found = fb.critical_loads(model, state=near.state, load_factor=0.9 * at, prestrains={column: -0.1}, n=1)
+    assert found.load_factors[0] == pytest.approx(at, rel=1e-2)
+    # both spans buckle together
+    low, high = (4.0 * np.pi**2 * 50.0 / span**2 for span in (1.0, 0.55))
+    assert low < 1e4 * at < high

@@ -149,7 +149,7 @@ def with_tables(model: Any, scene: Scene, meshes: list[Mesh], tables_of: list[El
         nodes[k, :x.size] = x
     moving = Moving(tuple(tables), [slider.name for slider in every], following, np.array([number[x] for x in every]),
                     np.array(contacts), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(count),
-                    tuple(own.get(mesh.beam, mesh.beam) for mesh in meshes), scene.gravity_time)
+                    tuple(own.get(mesh.beam, mesh.beam) for mesh in meshes), scene.gravity_time, np.zeros(len(meshes)))
     places = {numbers.start(there): given.node_s.tolist() for there, given in own.items()}
     beams = [entry | {"s": places[entry["first"]]} if entry["first"] in places else entry for entry in model.names["beams"]]
     model = replace(model, names=model.names | {"beams": beams})

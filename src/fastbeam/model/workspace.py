@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -40,6 +42,8 @@ class ReferenceStrains:
         self._arrays: dict[Model, Array] = {}
         # number of a beam, an array, where its axial strains are there, and these at factor 0
         self._parts: list[tuple[int, Array, Any, Array]] = []
+        # whether elements of some of the beams move
+        self.of_moving = False
 
     def of(self, model: Model) -> Array:
         """Return the strains as the tables of a model have them, float64 [*]: those of the model where nothing changes them, else
@@ -62,6 +66,22 @@ class ReferenceStrains:
                 if section is not None and section.span == span:
                     self._parts.append((k, section.reference, (..., 0), section.reference[..., 0].copy()))
         self.put(self._factors)
+
+    def own(self, model: Model) -> Model:
+        """Return a model for runs with these strains: where they are of moving elements, with arrays of its own, which `put`
+        changes, in all its forms."""
+        moving = model.moving
+        self.of_moving = moving is not None and any(moving.has(span.start) for span, _ in self.beams)
+        return self._owning(model) if self.of_moving else model
+
+    def _owning(self, model: Model) -> Model:
+        moving, given = model.moving.with_own_strains(), model.uneliminated
+        for k, (span, _) in enumerate(self.beams):
+            self._parts += [(k, array, at, array[at].copy()) for array, at in moving.axial_strains(span.start)]
+        plane = None if model.plane is None else replace(model.plane, model=self._owning(model.plane.model))
+        features = tuple(moving if x is model.moving else x for x in model.features)
+        return replace(model, features=features, plane=plane,
+                       uneliminated=given and cache(lambda planar: self._owning(given(planar=planar))))
 
     def put(self, factors: float | Array) -> None:
         """Set the prestrains of all beams by one factor, or by one of each [B]."""

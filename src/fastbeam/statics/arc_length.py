@@ -205,6 +205,12 @@ class PathSolver(SlidingSolver):
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
         push = more - right
+        if self.strains.of_moving:
+            # the energy of moving elements is quadratic in prestrains, and so are its derivatives by places
+            self._at(self.factor, -1.0)
+            push = 0.5 * (more - self._assembled(self.sliding)[1])
+            self._at(self.factor)
+            saddle, right = self._assembled(self.sliding)
         # the weight of moving elements depends on their shape
         alike = (self.motion is None and not self.strains.beams and not self._by_laws and self.along is None
                  and (self.core.moving is None or not np.any(self.core.gravity)))

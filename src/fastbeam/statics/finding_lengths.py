@@ -207,6 +207,7 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
                          f"{largest_step:g}")
     unknown = Lengths(model, _beams_of(model, lengths), mass == "per_length")
+    model = unknown.model
     wanted = wanted_of(model, {} if conditions is None else conditions, points, "find_lengths, conditions")
     asked = conditions_of(model, wanted, conditions, points, stays)
     if len(asked) != len(unknown.beams):

@@ -17,9 +17,9 @@ from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
 from fastbeam.model.workspace import ReferenceStrains
-from fastbeam.results.observe.points import place_of
+from fastbeam.results.observe.points import PointSeries
 from fastbeam.results.observe.resolution import Resolution
-from fastbeam.results.observe.resultants import span_of
+from fastbeam.results.observe.resultants import Sections, span_of
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
@@ -46,8 +46,9 @@ class Lengths:
     per_length: whether their weights go with their unstressed lengths."""
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
-        self.model, self.beams, self.first = model, beams, np.array([beam.start_strain[0] for beam in beams])
+        self.beams, self.first = beams, np.array([beam.start_strain[0] for beam in beams])
         self.strains = ReferenceStrains([(span_of("find_lengths, lengths", model, beam), 1.0) for beam in beams])
+        self.model = model = self.strains.own(model)
         self.weighs = per_length and bool(np.any(model.gravity))
         # arrays of loads and of weights, what they are at first, and their change with the prestrain of every beam
         self._weights: list[tuple[Array, Array, list[tuple[Array, Array]]]] = []
@@ -68,6 +69,10 @@ class Lengths:
         pull[:model.dim] = model.gravity @ (np.eye(3) if model.dim == 3 else axes[:2].T)
         self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
         self._weights.append((weight, weight.copy(), self._shares))
+        for table in () if model.moving is None else model.moving.tables:
+            per_strain = [np.where(int(table.place[1]) == model.numbers.start(beam), -table.weighs / (1.0 - first), 0.0)
+                          for beam, first in zip(self.beams, self.first.tolist())]
+            self._weights.append((table.weighs, table.weighs.copy(), [(np.arange(x.size), x) for x in per_strain]))
         self.put(self._change)
         plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model, axes))
         return replace(model.with_loading(loads=loads, gravity_weight=weight), plane=plane, uneliminated=self._form)
@@ -89,7 +94,9 @@ class Lengths:
 
 def _shares(model: Model, beam: Beam, first: float) -> tuple[Array, Array]:
     """Return the nodes of a beam and how their masses, kg, change with its prestrain, which is `first` with the mass of the
-    scene."""
+    scene; none where elements move, whose weight is theirs."""
+    if model.moving is not None and model.moving.has(model.numbers.start(beam)):
+        return np.zeros(0, np.int64), np.zeros(0)
     q = model.q0.reshape(-1, 4, 3)
     part = elements_of(beam, model.numbers.start(beam), q[:, 0], q[:, 1:])
     mass = part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)
@@ -101,17 +108,33 @@ class Condition(NamedTuple):
 
     wanted: Wanted
     size: float                      # of the quantity
-    at: tuple[Array, Array] | None   # nodes [k] and weights [k, 4] of a place
+    at: PointSeries | None           # of a place alone
     axis: int                        # of the place
     slider: int                      # of an arc length; else -1
     part: str                        # of a section force
 
-    def slope(self, state: State) -> tuple[Array, Array]:
-        """Return numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
+    def slope(self, model: Model, state: State) -> Any:
+        """Return the derivatives by all coordinates and places of sliders, sparse [1, 12 N + S]."""
+        n = state.q.size
         if self.at is not None:
-            nodes, weights = self.at
-            return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
+            return self.at.slopes(state)[[self.axis]]
+        out = sparse.lil_matrix((1, n + state.s.size))
+        if self.slider >= 0:
+            out[0, n + self.slider] = 1.0
+            return out
         section = self.wanted.section
+        if model.moving is not None and model.moving.has(section.first):
+            section = Sections(model, section.beam, section.s, state.s)
+            for k in model.moving.sliders.tolist():
+                step = NEARBY * float(np.min(np.diff(section.beam.basis.element_ends)))
+                moved = [state._replace(s=state.s + x * step * (np.arange(state.s.size) == k)) for x in OFFSETS]
+                out[0, n + k] = sum(w * self.wanted.of(x) for w, x in zip(WEIGHTS, moved)) / step
+        at, values = self._of_section(section, state)
+        out[0, at] = values
+        return out
+
+    def _of_section(self, section: Sections, state: State) -> tuple[Array, Array]:
+        """Return numbers of coordinates of nodes, and the derivatives of a section force by these."""
         q = state.q.reshape(-1, 12)[section.span]
         nodes = np.unique(np.concatenate((section.nodes.reshape(-1), section.at_nodes.reshape(-1))))
         steps = np.full((nodes.size, 12), NEARBY)
@@ -144,7 +167,7 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
             raise SceneError(f"find_lengths, conditions: {one.label} is a function, whose derivative is not known; use "
                              "coordinates, section forces or arc lengths of sliders")
         elif what[1] in AXES:
-            at, axis = place_of(model, what[0], (points or {})[what[0]]), AXES.index(what[1])
+            at, axis = PointSeries(model, (), {what[0]: (points or {})[what[0]]}), AXES.index(what[1])
         else:
             part = what[1]
             size = float(one.section.stiffness[0, 0]) * (model.length if part in MOMENTS else 1.0)
@@ -209,35 +232,36 @@ class LengthSolver(Response):
         saddle, right = self.linearised()
         m = self.change.size
         state, outer = self.state, self.work.f_ext - self._loads
-        before = self.core.rows_in(self.work.r).reshape(-1).copy()
         values = self.values()
         push, direct = np.zeros((right.size, m)), np.zeros((m, m))
         in_sections = [j for j, condition in enumerate(self.conditions) if condition.wanted.section is not None]
         for k in range(m):
-            more = self.change.copy()
-            more[k] += 1.0
-            # equations are linear in prestrains and weights
-            self._put(more)
-            self.work.f_ext[:] = self._loads + outer
-            self.stepper.parts.assemble(0.0)
-            after = self.core.rows_in(self.work.r).reshape(-1)
-            push[:after.size, k] = before - after
+            push[:, k] = self._push(k, right, outer)
             for j in in_sections:
                 direct[j, k] = self.conditions[j].wanted.of(state) - values[j]
         self._put(self.change)
-        return saddle, right, push, self._slopes(state, right.size), direct
+        by = sparse.vstack([condition.slope(self.unknown.model, state) for condition in self.conditions]) @ self.lift()
+        by.sort_indices()
+        slopes = sparse.hstack((by, sparse.csr_matrix((m, right.size - by.shape[1]))), format="csr")
+        return saddle, right, push, slopes, direct
 
-    def _slopes(self, state: State, n: int) -> Any:
-        """Return derivatives of the conditions by all unknowns, sparse [m, n]."""
-        m = len(self.conditions)
-        by_q, by_s = sparse.lil_matrix((m, state.q.size)), sparse.lil_matrix((m, n - self.nodes))
-        for j, condition in enumerate(self.conditions):
-            if condition.slider >= 0:
-                by_s[j, condition.slider] = 1.0
+    def _push(self, k: int, right: Array, outer: Array) -> Array:
+        """Return the derivative of the residual [n] by prestrain k, which is then 1 larger; right: the residual; outer: forces on
+        nodes besides loads."""
+        found, ends = np.zeros(right.size), []
+        # equations of nodes are linear in prestrains and weights, sliding equations of moving elements quadratic
+        for by in (-1.0, 1.0)[not self.unknown.strains.of_moving:]:
+            more = self.change.copy()
+            more[k] += by
+            self._put(more)
+            if self.unknown.strains.of_moving:
+                ends.append(self.unbalanced())
                 continue
-            at, values = condition.slope(state)
-            by_q[j, at] = values
-        return sparse.hstack((by_q.tocsr() @ self.lift(), by_s)).tocsr()
+            self.work.f_ext[:] = self._loads + outer
+            self.stepper.parts.assemble(0.0)
+            after = self.core.rows_in(self.work.r).reshape(-1)
+            found[:after.size] = -right[:after.size] - after
+        return 0.5 * (ends[1] - ends[0]) if ends else found
 
     def influence(self) -> tuple[Array, Array] | None:
         """Return derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m,

@@ -47,7 +47,7 @@ class Moving(Feature):
 
     key, title, order, is_told_first = "moving", "moving elements (MovingMesh)", 100, True
     lacks = (
-        Lack((Analysis.COMPARED, Analysis.LENGTHS, Analysis.STEADY), "moving elements",
+        Lack((Analysis.COMPARED, Analysis.STEADY), "moving elements",
              "moving mesh with slider {name!r}: {who} does not support moving elements", AWAY,
              lambda moving, asked: moving.names),
         Lack((Analysis.EXACT,), "moving elements",
@@ -70,6 +70,7 @@ class Moving(Feature):
     rates: Array  # float64 [F]: ds/dt at the start, m/s
     beams: tuple[Beam, ...]  # as the user gave them: results have rows for material points at their nodes
     gravity_time: Callable[[float], float] | None
+    strained: Array  # float64 [beams]: changes of axial reference strains in a run
     # in a plane that, and the feature in space
     plane: Any = None
     in_space: Moving | None = None
@@ -152,6 +153,25 @@ class Moving(Feature):
         """Return the feature for runs in which loads with these time functions have had these factors [K], and are constant."""
         factor = self._factor(times, factors)
         return replace(self, gravity_time=None, tables=tuple(x._replace(weighs=factor * x.weighs) for x in self.tables))
+
+    def with_own_strains(self) -> Moving:
+        """Return the feature with arrays of its own for reference strains and weights."""
+        own = tuple(x._replace(rest=x.rest.copy(), rest_slope=x.rest_slope.copy(), weighs=x.weighs.copy()) for x in self.tables)
+        in_space = None if self.in_space is None else self.in_space.with_own_strains()
+        return replace(self, tables=own, strained=self.strained.copy(), in_space=in_space)
+
+    def axial_strains(self, first: int) -> list[tuple[Array, Any]]:
+        """Return arrays, and where in them the axial reference strain of the beam with this first node stands; none for beams
+        whose elements do not move."""
+        found = [] if self.in_space is None else self.in_space.axial_strains(first)
+        for k, x in enumerate(self.tables):
+            if first == int(x.place[1]):
+                found += [(x.rest, (1, slice(None), 0)), (x.rest_slope, (slice(None), 0)), (self.strained, slice(k, k + 1))]
+        return found
+
+    def strain_change(self, first: int) -> float:
+        """Return the change in this run of the axial reference strain of the beam with this first node."""
+        return next(float(x) for x, table in zip(self.strained, self.tables) if first == int(table.place[1]))
 
     # --- shapes -------------------------------------------------------------------------------------------------------
     def has(self, first: int | None) -> bool:

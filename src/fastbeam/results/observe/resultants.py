@@ -97,6 +97,7 @@ class Sections:
         self.first = self.span.start
         self.s = beam.basis.element_ends if s is None else _lengths(beam, s)
         reference = model.q0.reshape(-1, 4, 3)
+        given = beam
         if places is not None and model.moving is not None and model.moving.has(self.first):
             beam = replace(beam, elements=model.moving.element_ends(self.first, places))
             reference = reference.copy()
@@ -112,6 +113,8 @@ class Sections:
         self.phi, self.phi_s = basis.phi[element, point], tables.phi_s[element, point]
         self.dir, self.dir_s = tables.dir[element, point], tables.dir_s[element, point]
         self.reference = tables.reference_strains[element, point]
+        if beam is not given:
+            self.reference[..., 0] += model.moving.strain_change(self.first)
         self.stiffness, viscosity = beam.section.C, beam.section.D
         self.viscosity = viscosity if np.any(viscosity) else None
         # polynomials through the points of the strain energy, where strains are most accurate

@@ -147,6 +147,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         if value is not None and start is None:
             raise SceneError(f"{name}: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                              "load_factor=")
+    model = begun.model
     path = PathWalk(model, begun.solver, points, step, largest_step, smallest_step, most_points, observe,
                     wanted_of(model, stop, points))
     path.aside = begun.aside
@@ -159,6 +160,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
 class Begun(NamedTuple):
     """Beginning of a path of equilibria."""
 
+    model: Model                     # for runs with its prestrains
     solver: PathSolver
     aside: str                       # why critical points out of the plane are not known; empty where they are, or in space
     notes: list[tuple[str, str]]     # kinds and texts of events of the start
@@ -187,9 +189,10 @@ def begin_path(who: str, model: Model, start: State | None, load_factor: float, 
         require(Analysis.TIMELESS_SHAPES, model, who, stays)
     check_backend(backend)
     growing = _growing(who, model, stays, at_time, moves, prestrains)
+    model = growing.strains.own(model)
     start, notes = _checked_start(who, model, start, growing)
     task = _Task(who, model, start, load_factor, stays, max_iterations, backend, growing)
-    return Begun(*task.first_solver(at_time), notes, growing.strains)
+    return Begun(model, *task.first_solver(at_time), notes, growing.strains)
 
 
 class _Growing(NamedTuple):
@@ -348,9 +351,6 @@ def _prestrains(who: str, model: Model, prestrains: Any) -> ReferenceStrains:
     out = []
     for beam, value in prestrains.items():
         span = span_of(f"{who}, prestrains", model, beam)
-        if model.moving is not None and model.moving.has(span.start):
-            raise SceneError(f"{who}, prestrains: the elements of {beam.label} move with its contacts, and prestrains of such "
-                             "elements cannot change; compile the scene without moving meshes, or strain other beams")
         number = real(value)
         if number is None or not LEAST <= beam.start_strain[0] + number <= MOST:
             raise SceneError(f"{who}, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
