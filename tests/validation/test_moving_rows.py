@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.model.mapping import contact
 
 SECTION = fb.Section.circle(radius=0.01, E=2e9, rho=2e3)
 KINDS = ("energy", "slider", "velocity", "spin", "orientation", "acceleration", "section")
@@ -163,3 +164,20 @@ def test_modes_and_responses_have_rows_of_material_points() -> None:
         turning = np.cross(modes.spins[k][nodes][:, None], modes.directors[nodes])
         np.testing.assert_allclose(moved[:, 1:] / 1e-6, turning, rtol=0, atol=1e-4)
     np.testing.assert_array_equal(modes.positions[nodes], model.moving.own_shape(rest.state)[0][nodes, 0])
+
+
+def test_velocities_that_a_user_writes_are_those_of_the_material() -> None:
+    """A mass that is pushed along its beam amid a run goes on as on a fine mesh that stands."""
+    places = []
+    for elements, moving in ((8, True), (64, False)):
+        scene = rider(elements)
+        model, first = run(scene, moving)
+        state, bead = first.state, model.numbers.start(next(x for x in scene.parts if isinstance(x, fb.PointMass)))
+        tangent = contact(model, 0, float(state.s[0]), *[state.q.reshape(-1, 4, 3)] * 2)[1]
+        state.v.reshape(-1, 4, 3)[bead, 0] += 0.9 * tangent / np.linalg.norm(tangent)
+        second = fb.simulate(model, start=state, t_end=0.3, step=2e-3, progress=False)
+        assert any("velocities of the material" in x["text"] for x in second.events) == moving
+        assert second.drift("total") < 1e-11
+        places.append(second.slider("run")["s"])
+    assert places[1][-1] - places[1][0] > 1.8 * (places[1][0] - 0.3)
+    np.testing.assert_allclose(places[0], places[1], rtol=0.0, atol=2e-4)

@@ -119,6 +119,9 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
     if at_rest:
         model.stop(state)
     notes: list[Any] = _displaced_supports(model, state)
+    if not (at_rest or goes_on) and model.moving is not None:
+        state, told = _with_written_velocities(model, state, step)
+        notes += told
     if t is not None:
         notes += moved_supports(model, state, t)
     if not at_rest:
@@ -150,6 +153,20 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
         advice = "this is too large to be mended"
     raise SceneError(f"start: {worst.what} {worst.size:.3g} {worst.unit} off (allowed: {worst.allowed:.2g}); {advice}, or start "
                      "from a state of a run of this model, or build the scene with its parts at the places of the state")
+
+
+def _with_written_velocities(model: Model, state: State, step: float) -> tuple[State, list[Any]]:
+    """Return a state on moving meshes with momenta of velocities that do not fit those in its history, because they were written
+    into it, and an event of that."""
+    moving, v = model.moving, state.v.reshape(-1, 4, 3)
+    found = moving.written(model, state)
+    jumps = np.abs(moving.places_in(found.history) - moving.places_in(state.history))
+    speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + model.length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
+    allowance = AT_REST * model.length / step
+    if model.momenta_misfit(state) <= EDITED * speed + allowance and np.max(jumps) <= SIDEWAYS * speed + allowance:
+        return state, []
+    return found, [("start", "velocities do not fit the momenta of beams with moving elements in State.history; they are taken as "
+                             "velocities of the material that were written into the state, and momenta follow from them")]
 
 
 def _worst(found: list[Misfit]) -> Misfit | None:

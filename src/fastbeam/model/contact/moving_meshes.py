@@ -234,6 +234,16 @@ class Moving(Feature):
         out.reshape(-1, 4, 3)[self.contacts[met], 0] = of_nodes[model.sliders.point[self.sliders[met]], 0]
         return out, rates
 
+    def written(self, model: Any, state: State) -> State:
+        """Return the state with momenta, rates of nodes and of places of contacts for velocities of the material that were written
+        into it: those at its nodes, without their motion along the beam by the history."""
+        along = velocity_map(state.q.reshape(-1, 4, 3)) @ (self.ways(state.q, state.s) @ self.places_in(state.history))
+        v, rates = self.with_mesh(model, state.q, state.s, state.v - along)
+        found = State(state.q, v, state.s, state.force, state.history.copy())
+        self.put_places(found.history, rates)
+        model.start_momenta(found.history, found.q, found.v, found.s)
+        return found
+
     @property
     def nodes(self) -> Array:
         """All nodes of the beams, int64 [*]."""
