@@ -125,3 +125,19 @@ def test_place_of_rest_and_frequencies_beside_the_end(at: float, stiffness: floa
     assert s == pytest.approx(fine, abs=3e-6)
     # elements that stand are off by some 1e-4 on any mesh, where a contact is inside one
     np.testing.assert_allclose(own, there, rtol=6e-4)
+
+
+@pytest.mark.parametrize("kind", ["slider", "sleeve"])
+def test_unequal_elements_up_to_the_end(kind: str) -> None:
+    """On a stiff rail whose elements a user has distributed a body goes on as it began, and is where s says."""
+    section = fb.Section.circle(radius=0.05, E=2e11, rho=2e3)
+    rail = fb.Beam.straight("rail", (0, 0, 0), (4, 0, 0), section=section, elements=[0, 0.5, 1, 2, 3, 4], degree=3)
+    body = fb.RigidBody("body", mass=0.5, position=(1, 0, 0), inertia=(1, 1, 1))
+    run = (fb.Slider("run", body, rail, at=1.0, rate=2.0) if kind == "slider" else
+           fb.Sleeve("run", body, rail, at=1.0, rate=2.0, length=0.0))
+    scene = fb.Scene(rail, body, fb.RigidMotion(body, velocity=(2, 0, 0)), fb.Clamp(rail.start), fb.Clamp(rail.end), run,
+                     fb.MovingMesh(rail, run))
+    result = fb.simulate(fb.compile_scene(scene), t_end=1.49, step=5e-3, progress=False)
+    found = result.slider("run")
+    np.testing.assert_allclose(found["s"], 1.0 + 2.0 * result.t, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found["position"][:, 0], found["s"], rtol=0.0, atol=1e-7)

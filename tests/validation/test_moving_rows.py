@@ -181,3 +181,18 @@ def test_velocities_that_a_user_writes_are_those_of_the_material() -> None:
         places.append(second.slider("run")["s"])
     assert places[1][-1] - places[1][0] > 1.8 * (places[1][0] - 0.3)
     np.testing.assert_allclose(places[0], places[1], rtol=0.0, atol=2e-4)
+
+
+@pytest.mark.parametrize("t_end", [0.2, 1.9])
+def test_a_motion_goes_back_with_opposite_velocities(t_end: float) -> None:
+    """Back from the middle of the beam, and from 5 cm before its end, where the contact is inside an element; and on from there."""
+    scene = rider()
+    model = fb.compile_scene(scene, moving=True)
+    options: dict[str, Any] = {"t_end": t_end, "step": 5e-3, "progress": False}
+    there = fb.simulate(model, **options)
+    back = fb.simulate(model, start=there.state._replace(v=-there.state.v), **options)
+    assert not [x for x in back.events if x["kind"] == "start"]
+    assert abs(there.state.s[0] - 0.3) > 0.1
+    assert np.max(np.abs(back.state.q - model.q0)) < 1e-9 and abs(back.state.s[0] - 0.3) < 1e-9
+    on = fb.simulate(model, start=there.state, t_end=0.02, step=5e-3, progress=False)
+    assert not [x for x in on.events if x["kind"] == "start"]

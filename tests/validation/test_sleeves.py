@@ -328,22 +328,24 @@ def test_friction_in_a_step_is_that_of_the_force_and_of_the_moments(planar: bool
     assert way > 0.0 and loss / way == pytest.approx(0.2 * (across + 2.0 * bending / 0.3) * long, rel=1e-4)
 
 
+@pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("planar", [True, False])
-def test_the_drive_of_a_sleeve_holds_a_bent_rod_against_what_pushes_it_out(planar: bool) -> None:
+def test_the_drive_of_a_sleeve_holds_a_bent_rod_against_what_pushes_it_out(planar: bool, moving: bool) -> None:
     """A rod with a load at one end, whose place is prescribed: the drive gives M^2/2EI + Q^2/2GA at the exit, less what the load
     pushes back along the rod there; so much that the energy of the equilibrium falls with s."""
     def held(at: float) -> tuple[float, float, fb.Result]:
         rod = fb.Beam.straight("rod", (-at, 0, 0), (2.0 - at, 0, 0), section=SLENDER, elements=16)
         body = fb.RigidBody("holder", mass=1, inertia=(1, 1, 1), position=(0, 0, 0))
         model = fb.compile_scene(fb.Scene(rod, body, fb.Clamp(body), fb.Load("tip", rod.end, force=(0, -0.3, 0)),
-                                          fb.Sleeve("sleeve", body, rod, at=at, drive=fb.Drive(position=at))), planar=planar)
+                                          fb.Sleeve("sleeve", body, rod, at=at, drive=fb.Drive(position=at))), planar=planar, moving=moving)
         still = fb.solve_static(model, held=("sleeve",))
         return float(still.series["potential"][-1]), float(still.series["drive_force"][-1, 0]), still
 
     step = 1e-4
     _, drive, _ = held(1.03)
     slope = (held(1.03 + step)[0] - held(1.03 - step)[0]) / (2.0 * step)
-    assert drive == pytest.approx(slope, rel=1e-6)
+    # of moving elements, whose forces along the beam balance but for the error of the mesh
+    assert drive == pytest.approx(slope, rel=2e-5 if moving else 1e-6)
     # a point sleeve needs M^2/2EI; the bore is an eighth of a metre long
     assert abs(drive) == pytest.approx(0.5 * (0.3 * 0.97)**2, rel=0.15)
 

@@ -112,7 +112,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_given, (scene, own) = scene, _with_moving(scene, moving)
     scene, meshes = meshes_of(scene)
     scene.check()
-    numbered = number(scene)
+    numbered = number(scene, [mesh.beam for mesh in meshes])
     numbered.nodes.know(own)
     unpacked = unpack(scene, numbered, pack_at_rest, meshes)
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")

@@ -1,6 +1,7 @@
 """First stage of the compiler: global numbers of all nodes, their connections, and the size of the scene."""
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from fastbeam.compile.initial import place_points
 from fastbeam.compile.links import Links
 from fastbeam.model.connections import NO_PAIRS, Connections, connect
 from fastbeam.model.numbering import NodeList
-from fastbeam.scene import Scene
+from fastbeam.scene import Beam, Scene
 
 Array = np.ndarray
 
@@ -38,10 +39,10 @@ class Numbered:
         return np.union1d(self.links.touched, self.dragged)
 
 
-def number(scene: Scene) -> Numbered:
-    """Number the nodes of a scene. Raises SceneError: joints cannot be eliminated, or are
+def number(scene: Scene, moved: Collection[Beam] = ()) -> Numbered:
+    """Number the nodes of a scene; moved: beams whose elements move with their contacts. Raises SceneError: joints cannot be eliminated, or are
     impossible at the places of their ends."""
-    nodes = NodeList(scene)
+    nodes = NodeList(scene, moved)
     place_points(scene, nodes)
     length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints, hinges, always, late, supported = _connections(scene, nodes, length)

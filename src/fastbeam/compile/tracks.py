@@ -59,7 +59,9 @@ def contact_curve_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
         elif isinstance(on, Path):
             nodes.tracks[key] = _of_path(scene, nodes, on, slider.curve)
         else:
-            nodes.tracks[key] = Track(nodes.start(on) + np.arange(on.n_nodes), slider.contact_curve, on.basis.node_s)
+            # elements that move are stretched unlike, so that means of slopes where they meet are none of the beam
+            curve = on.basis.curve("own") if any(on is beam for beam in nodes.moved) else slider.contact_curve
+            nodes.tracks[key] = Track(nodes.start(on) + np.arange(on.n_nodes), curve, on.basis.node_s)
     return nodes.tracks[key]
 
 

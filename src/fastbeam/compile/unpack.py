@@ -91,7 +91,7 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     elements, moving = ([elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                          if any(part is mesh.beam for mesh in meshes) == of_moving] for of_moving in (False, True))
     loads = _loads(scene, nodes, elements, joints.row_root)
-    standing = unpack(scene, number(scene), pack) if meshes else None
+    standing = unpack(scene, number(scene, nodes.moved), pack) if meshes else None
     state = state_without_velocities(scene, nodes, kept) if standing is None else standing.state
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)

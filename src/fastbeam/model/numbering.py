@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,9 +98,10 @@ def _arm(node: NodeRef) -> tuple[Any, tuple[float, ...]]:
 
 class NodeList:
     """Global numbers of all nodes: beams, nets, bodies, masses, and one node for every used point of a body off its
-    centre and of the ground."""
+    centre and of the ground; moved: beams whose elements move with their contacts."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, moved: Collection[Any] = ()) -> None:
+        self.moved = moved
         self.first: dict[Any, int] = {}
         self.arms: dict[tuple[Any, tuple[float, ...]], int] = {}
         # what sliders run on (tracks.py)

@@ -20,7 +20,7 @@ class MaterialPoints:
         self.table, self._s = table, s
         lengths, begins = element_lengths(table, s), element_ends(table, s)[:-1]
         self._element = np.clip(np.searchsorted(begins, at, side="right") - 1, 0, None)
-        self._local = (at - begins[self._element]) / lengths[self._element]
+        self._local = np.minimum((at - begins[self._element]) / lengths[self._element], 1.0)
         _, self.values, slopes = unit_element(table.node.shape[1] - 1)[1].evaluate(self._local)
         self.nodes, self.slopes = table.node[self._element], slopes / lengths[self._element, None]
 

@@ -222,6 +222,14 @@ class Moving(Feature):
                 out[f] = contact(model, k, float(s[k]), *[q.reshape(-1, 4, 3)] * 2)[1]
         return out
 
+    def curvatures(self, q: Array, s: Array) -> dict[int, Array]:
+        """Return the turn of sections by the arc length [3], 1/m, at contacts on element ends, means of both sides, by numbers of
+        sliders; at coordinates [12 N] and places of sliders."""
+        ways = self.ways(q, s)
+        return {k: ways[6 * node + 3:6 * node + 6, [f]].toarray()[:, 0]
+                for f, (k, node) in enumerate(zip(self.sliders.tolist(), self.contacts.tolist()))
+                if is_on_node(self.following, f, s[k])}
+
     def with_mesh(self, model: Any, q: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """Return the rates of all nodes [12 N] whose material has the rates v [12 N], and ds/dt of the contacts [F], at
         coordinates [12 N] and places of sliders."""
@@ -244,6 +252,14 @@ class Moving(Feature):
         model.start_momenta(found.history, found.q, found.v, found.s)
         return found
 
+    def reversed(self, history: Array) -> Array:
+        """Return a history with opposite momenta and rates of places, of a motion that goes back."""
+        out = history.copy()
+        for table in self.tables:
+            first = int(table.place[0])
+            out[first:first + _size(table) - 1] *= -1.0
+        return out
+
     @property
     def nodes(self) -> Array:
         """All nodes of the beams, int64 [*]."""
@@ -259,7 +275,10 @@ class Moving(Feature):
             first, of, nodes = int(table.first[0]), MaterialPoints(table, beam.node_s, state.s), _span(table)
             own = of.of(q)
             own[:, 1:] = nearest_triads(own[:, 1:])
-            every[nodes], rates[nodes] = own, of.rates(q, v, places[first:first + table.slider.size])
+            for given, found in ((every, own), (rates, of.rates(q, v, places[first:first + table.slider.size]))):
+                # without the round-off of shape functions
+                found[[0, -1]] = given[nodes][[0, -1]]
+                given[nodes] = found
         return every, rates
 
     def lay_out(self, state: State) -> None:
@@ -273,7 +292,7 @@ class Moving(Feature):
             own[:, 1:] = nearest_triads(own[:, 1:])
             # rates of directors keep these orthonormal
             rates[:, 1:] = np.cross(0.5 * np.cross(own[:, 1:], rates[:, 1:]).sum(axis=1)[:, None], own[:, 1:])
-            q[:], v[:] = own, rates
+            q[1:-1], v[1:-1] = own[1:-1], rates[1:-1]
 
     def same_meshes(self, other: Moving) -> list[tuple[slice, slice]] | None:
         """Return the nodes of all beams here and of their namesakes on the moving meshes of another model, None where some have
@@ -302,8 +321,9 @@ class Moving(Feature):
             rates = np.cross(spins[:, of.nodes][:, :, :, None], q[of.nodes, 1:])
             rates = np.einsum("an,manic->maic", of.values, rates)
             d = nearest_triads(of.of(q)[:, 1:])
-            displacements[:, nodes] = np.einsum("an,manc->mac", of.values, displacements[:, of.nodes])
-            spins[:, nodes] = 0.5 * np.cross(d, rates).sum(axis=2)
+            inside = slice(nodes.start + 1, nodes.stop - 1)
+            displacements[:, inside] = np.einsum("an,manc->mac", of.values, displacements[:, of.nodes])[:, 1:-1]
+            spins[:, inside] = 0.5 * np.cross(d, rates).sum(axis=2)[:, 1:-1]
         return displacements, spins
 
     def point_slope(self, first: int, at: float, state: State) -> tuple[Array, Array, Array]:
@@ -363,15 +383,14 @@ class Moving(Feature):
             own[first:first + count_of_momenta(table)] = self._momenta(table, own, q, v, s).reshape(-1)
 
     def misfit(self, own: Array, q: Array, v: Array, s: Array) -> float:
-        """Return the largest difference between velocities and those of the momenta in the history, with spins times the length
-        of the beam, m/s; q, v [12 N]."""
+        """Return the difference between velocities and those of the momenta in the history, m/s: of a beam the root of its mean
+        square by the kinetic energy; q, v [12 N]."""
         worst = 0.0
         for table in self.tables:
             first, of_rates = self._first(table), self._momenta(table, own, q, v, s)
             off = own[first:first + of_rates.size].reshape(of_rates.shape) - of_rates
-            off[:, :, 1:] *= table.length[0]
-            off /= element_lengths(table, s)[:, None, None, None]
-            worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
+            twice = np.einsum("e,gk,egkc->", 1.0 / element_lengths(table, s), masses(table), off**2)
+            worst = max(worst, float(np.sqrt(twice / (table.rho[0] * table.length[0]))))
         return worst
 
     def _momenta(self, table: Any, own: Array, q: Array, v: Array, s: Array) -> Array:

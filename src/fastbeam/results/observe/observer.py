@@ -88,6 +88,8 @@ class Observer:
         # energy of ropes of winches in the gravity of the scene
         self._weight = 0.0
         self._directions: list[Section] = []
+        # turn of sections by s where sleeves are on element ends, by numbers of sliders
+        self._curvatures: dict[int, Array] = {}
         self._angles = np.zeros(0)
 
     def series(self) -> dict[str, tuple[int, ...]]:
@@ -169,6 +171,7 @@ class Observer:
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
         if self.moments:
             self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
+            self._curvatures = {} if model.moving is None else model.moving.curvatures(state.q, state.s)
             if model.twisting.size:
                 self._angles = angles(model, state.history)
                 out["twist"] = np.zeros(model.n_sliders)
@@ -290,6 +293,9 @@ class Observer:
                 row["twist_moment"][k] = -own[o, 2]
                 row["contact_moment"][k] += own[o, 2] * section.axes[0]
                 push[k] += own[o, 2] * push_of_twist(section, self._angles[o])
+            # conditions at an element end do not depend on s, but what the moments do as sections pass does
+            push = np.array([-x @ row["contact_moment"][k] if (x := self._curvatures.get(k)) is not None else push[k]
+                             for k in range(s)])
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
