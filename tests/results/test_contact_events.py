@@ -239,3 +239,23 @@ def test_derivatives_and_paths_tell_of_it_too() -> None:
     assert contact(found) == [text]
     assert len(contact(fb.solve_path(model, start=rest.state, load_factor=1.0, to=1.1))) == 1
     assert len(contact(fb.relax(model))) == 1
+
+
+@pytest.mark.parametrize(("mass", "step", "told"), [(0.1, 2e-3, False), (1e-3, 2e-3, False), (1e-4, 2e-3, True),
+                                                    (1e-4, 5e-4, False)])
+def test_masses_too_light_for_moving_elements(mass: float, step: float, told: bool) -> None:
+    """A mass that slides on a beam that its weight lets vibrate: its speed against that on elements that stand."""
+    def speed(moving: bool, elements: int, h: float) -> tuple[np.ndarray, np.ndarray, list[Any]]:
+        section = fb.Section.circle(radius=0.01, E=2e9, rho=2e3)
+        beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=section, elements=elements)
+        rider = fb.PointMass("rider", mass=mass, position=(0.5, 0, 0))
+        model = fb.compile_scene(fb.Scene(beam, rider, fb.Clamp(beam.start), fb.Clamp(beam.end),
+                                          fb.Slider("run", rider, beam, at=0.5, rate=0.5), gravity=(0, 0, -9.81)), moving=moving)
+        result = fb.simulate(model, t_end=0.2, step=h, progress=False)
+        return result.t, np.gradient(result.slider("run")["s"], result.t), result.events
+
+    (t, found, events), (at, wanted, _) = speed(True, 8, step), speed(False, 64, 5e-4)
+    off = np.max(np.abs(found - np.interp(t, at, wanted))) / np.max(np.abs(found))
+    texts = [x["text"] for x in events if x["kind"] == "contact"]
+    assert (off > 0.02) == told == bool(texts)
+    assert not told or "because it is so light" in texts[0]

@@ -185,7 +185,7 @@ def test_velocities_that_a_user_writes_are_those_of_the_material() -> None:
 
 @pytest.mark.parametrize("t_end", [0.2, 1.9])
 def test_a_motion_goes_back_with_opposite_velocities(t_end: float) -> None:
-    """Back from the middle of the beam, and from 5 cm before its end, where the contact is inside an element; and on from there."""
+    """Back from the middle of the beam, and from 5 cm before its end, where the contact is inside an element; and on."""
     scene = rider()
     model = fb.compile_scene(scene, moving=True)
     options: dict[str, Any] = {"t_end": t_end, "step": 5e-3, "progress": False}

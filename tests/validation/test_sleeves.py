@@ -337,7 +337,8 @@ def test_the_drive_of_a_sleeve_holds_a_bent_rod_against_what_pushes_it_out(plana
         rod = fb.Beam.straight("rod", (-at, 0, 0), (2.0 - at, 0, 0), section=SLENDER, elements=16)
         body = fb.RigidBody("holder", mass=1, inertia=(1, 1, 1), position=(0, 0, 0))
         model = fb.compile_scene(fb.Scene(rod, body, fb.Clamp(body), fb.Load("tip", rod.end, force=(0, -0.3, 0)),
-                                          fb.Sleeve("sleeve", body, rod, at=at, drive=fb.Drive(position=at))), planar=planar, moving=moving)
+                                          fb.Sleeve("sleeve", body, rod, at=at, drive=fb.Drive(position=at))),
+                                 planar=planar, moving=moving)
         still = fb.solve_static(model, held=("sleeve",))
         return float(still.series["potential"][-1]), float(still.series["drive_force"][-1, 0]), still
 

@@ -40,8 +40,8 @@ class Numbered:
 
 
 def number(scene: Scene, moved: Collection[Beam] = ()) -> Numbered:
-    """Number the nodes of a scene; moved: beams whose elements move with their contacts. Raises SceneError: joints cannot be eliminated, or are
-    impossible at the places of their ends."""
+    """Number the nodes of a scene; moved: beams whose elements move with their contacts. Raises SceneError: joints cannot be
+    eliminated, or are impossible at the places of their ends."""
     nodes = NodeList(scene, moved)
     place_points(scene, nodes)
     length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0

@@ -168,8 +168,8 @@ def _with_written_velocities(model: Model, state: State, step: float) -> tuple[S
         if model.momenta_misfit(one) <= EDITED * speed + allowance and np.max(jumps) <= SIDEWAYS * speed + allowance:
             return one, []
     found = moving.written(model, state)
-    return found, [("start", "velocities do not fit the momenta of beams with moving elements in State.history; they are taken as "
-                             "velocities of the material that were written into the state, and momenta follow from them")]
+    return found, [("start", "velocities do not fit the momenta of beams with moving elements in State.history; they are taken "
+                             "as velocities of the material that were written into the state, and momenta follow from them")]
 
 
 def _worst(found: list[Misfit]) -> Misfit | None:

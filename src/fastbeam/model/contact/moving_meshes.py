@@ -214,12 +214,17 @@ class Moving(Feature):
     def tangents(self, model: Any, q: Array, s: Array) -> Array:
         """Return the tangents of beams at the contacts [F, 3], at element ends means of both sides, at coordinates [12 N] and
         places of sliders."""
-        ways, out = self.ways(q, s), np.zeros((self.sliders.size, 3))
-        for f, (k, node) in enumerate(zip(self.sliders.tolist(), self.contacts.tolist())):
-            if is_on_node(self.following, f, s[k]):
-                out[f] = ways[6 * node:6 * node + 3, [f]].toarray()[:, 0]
-            else:
-                out[f] = contact(model, k, float(s[k]), *[q.reshape(-1, 4, 3)] * 2)[1]
+        out, f, x = np.zeros((self.sliders.size, 3)), 0, q.reshape(-1, 4, 3)
+        for table in self.tables:
+            h = element_lengths(table, s)
+            for k in table.slider.tolist():
+                if is_on_node(self.following, f, s[k]):
+                    # the element ahead, and the one behind
+                    e = int(np.searchsorted(table.node[:, 0], self.contacts[f]))
+                    out[f] = 0.5 * sum(table.edge[side] @ x[table.node[i], 0] / h[i] for side, i in ((0, e), (1, e - 1)))
+                else:
+                    out[f] = contact(model, k, float(s[k]), x, x)[1]
+                f += 1
         return out
 
     def curvatures(self, q: Array, s: Array) -> dict[int, Array]:
@@ -243,8 +248,8 @@ class Moving(Feature):
         return out, rates
 
     def written(self, model: Any, state: State) -> State:
-        """Return the state with momenta, rates of nodes and of places of contacts for velocities of the material that were written
-        into it: those at its nodes, without their motion along the beam by the history."""
+        """Return the state with momenta and rates of nodes and of places of contacts for velocities of the material that were
+        written into it: those at its nodes, without their motion along the beam by the history."""
         along = velocity_map(state.q.reshape(-1, 4, 3)) @ (self.ways(state.q, state.s) @ self.places_in(state.history))
         v, rates = self.with_mesh(model, state.q, state.s, state.v - along)
         found = State(state.q, v, state.s, state.force, state.history.copy())
