@@ -370,3 +370,21 @@ def test_a_rate_alone_sets_a_scene_at_rest_in_motion(rate: float, slides: str) -
     result = fb.simulate(model, t_end=0.02, step=0.001, progress=False)
     # the energy goes with the square of the rate, its round-off does not
     assert drifts(result)["total"] <= 5e-12 / rate**2 and drifts(result)["gap"] <= 1e-12
+
+
+def test_a_mass_on_the_reference_of_a_curved_beam_is_moved_onto_its_curve() -> None:
+    """Interpolation is exact at nodes only; a mass beside the beam is refused."""
+    arc = fb.Beam.arc("arc", (0, 0, 0), (1, 0, 0), (0, 0, 1), radius=2.0, angle=1.2, section=SECTION, elements=6)
+    given = arc.reference(1.111)[0][0]
+
+    def on_the_arc(position: np.ndarray) -> tuple[fb.Model, int]:
+        mass = fb.PointMass("mass", mass=1.0, position=position)
+        model = fb.compile_scene(fb.Scene(arc, mass, fb.Clamp(arc.start), fb.Slider("run", mass, arc, at=1.111)))
+        return model, model.numbers.start(mass)
+
+    model, node = on_the_arc(given)
+    off = np.linalg.norm(model.q0.reshape(-1, 4, 3)[node, 0] - given)
+    assert 1e-9 < off < 1e-6
+    assert fb.simulate(model, t_end=0.02, step=1e-2, progress=False).series["gap"].max() < 1e-12
+    with pytest.raises(fb.SceneError, match="1e-07 m away from beam 'arc'"):
+        on_the_arc(given + (0, 0, 1e-7))

@@ -139,7 +139,10 @@ class Watch:
             self._resolution = Resolution(self.model, self.stepper.strains)
             self._resolution.contacts.before = self.t_start, self._start
         if not last and self.model.n_sliders:
-            self._resolution.contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)
+            contacts = self._resolution.contacts
+            contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)
+            if contacts.riders:
+                contacts.push(t, self.stepper.core, self.stepper.core_state)
         if self.model.moving is not None and not last:
             self._resolution.look_at_moving(t, self.stepper.state.q, self.stepper.core_state.s)
         if last or t >= self._next_look and steps >= self._steps_to_look:

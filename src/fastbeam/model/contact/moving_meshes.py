@@ -214,16 +214,22 @@ class Moving(Feature):
     def tangents(self, model: Any, q: Array, s: Array) -> Array:
         """Return the tangents of beams at the contacts [F, 3], at element ends means of both sides, at coordinates [12 N] and
         places of sliders."""
-        out, f, x = np.zeros((self.sliders.size, 3)), 0, q.reshape(-1, 4, 3)
+        x = q.reshape(-1, 4, 3)
+        out = self.tangents_at_ends(x, s)
+        for f in np.flatnonzero(np.isnan(out[:, 0])).tolist():
+            k = int(self.sliders[f])
+            out[f] = contact(model, k, float(s[k]), x, x)[1]
+        return out
+
+    def tangents_at_ends(self, x: Array, s: Array) -> Array:
+        """Return means of the tangents on both sides of contacts on element ends [F, d], NaN for others, at coordinates [N, *, d]
+        in space, or in its plane, and places of sliders."""
+        out, f = np.full((self.sliders.size, x.shape[2]), np.nan), 0
         for table in self.tables:
-            h = element_lengths(table, s)
-            for k in table.slider.tolist():
+            h, e = element_lengths(table, s), np.searchsorted(table.node[:, 0], self.contacts[f:f + table.slider.size])
+            for k, ahead in zip(table.slider.tolist(), e.tolist()):
                 if is_on_node(self.following, f, s[k]):
-                    # the element ahead, and the one behind
-                    e = int(np.searchsorted(table.node[:, 0], self.contacts[f]))
-                    out[f] = 0.5 * sum(table.edge[side] @ x[table.node[i], 0] / h[i] for side, i in ((0, e), (1, e - 1)))
-                else:
-                    out[f] = contact(model, k, float(s[k]), x, x)[1]
+                    out[f] = 0.5 * sum(table.edge[side] @ x[table.node[i], 0] / h[i] for side, i in ((0, ahead), (1, ahead - 1)))
                 f += 1
         return out
 

@@ -34,9 +34,9 @@ FINER, LEAST_SLOPE = (2, 4, 8, 16, 32, 64), 1e-6
 # errors from which on there are events: of places, as a share of the size of the scene; of the stiffness along the beam and of
 # w^2; of energies relative to that of the motion along the beam; of the compliance of beams in sleeves
 PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
-# error of the speed along a beam whose elements move, of the largest speed; masses, of one element, below which it is looked at;
-# rows at most
-WRONG_SPEED, LIGHT, MOST_ROWS = 0.02, 0.03, 5000
+# error of the speed along a beam whose elements move, of the largest speed; masses, of one element, below which it is looked
+# at: tangents in kinks of taut beams are too rough for others
+WRONG_SPEED, LIGHT = 0.02, 0.03
 # the length beside a sleeve that a mean over its bore keeps from bending, of the bore: half of the mean distance of two places in
 # it, both with the weights of the mean (a quadratic B-spline)
 OF_BORE = 239.0 / 2520.0
@@ -270,13 +270,14 @@ class Contacts:
         n = len(sliders)
         self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
         self.before: tuple[float, Array] = 0.0, np.zeros(0)
-        self.looks = self.count = self.rows = 0
+        self.looks = self.count = 0
         self.sliders = sliders
-        # light masses that nothing pushes along a beam whose elements move with them; at the last row time and forces along,
-        # their impulses since the start, and the largest of these, N s
+        # light masses that nothing pushes along a beam whose elements move with them; at the last row time and tangents, impulses
+        # along since the start, and the largest of these, N s
         self.riders = {k: float(owner.mass) for k in sorted(ends) if k < n for owner in (_owner(sliders[k]),)
                        if sliders[k].slides_freely and isinstance(owner, PointMass | RigidBody) and owner not in supported
                        and owner.mass < LIGHT * _mass_of_element(sliders[k].beam)}
+        self._at = [] if model.moving is None else [model.moving.sliders.tolist().index(k) for k in self.riders]
         self._along: tuple[float, Array] | None = None
         self._impulse = self._most = np.zeros(len(self.riders))
         self.scene, self.masses = scene, {k: float(owner.mass) for k, x in points for owner in (_owner(x),)
@@ -297,9 +298,6 @@ class Contacts:
     def remember(self, t: float, s: Array, h: float, state: Callable[[], Any]) -> None:
         """Keep the places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
         before = self.before[1]
-        if self.riders and self.rows < MOST_ROWS:
-            self.rows += 1
-            self._impulses(t, state())
         if before.size and t > self.before[0]:
             np.maximum(self.speed, np.abs(s - before) / (t - self.before[0]), out=self.speed)
             if self._kinks:
@@ -381,16 +379,18 @@ class Contacts:
                 energy = ripple.energy if ripple.force > weight else 0.0
                 self._energy.setdefault(contact.slider, []).append((energy, t, contact))
 
-    def _impulses(self, t: float, state: Any) -> None:
-        """Add up the forces along the beam on masses that ride on moving elements, which are errors of the mesh."""
-        moving = self.model.moving
-        tangents = dict(zip(moving.sliders.tolist(), moving.tangents(self.model, state.q, state.s)))
-        first = self.model.first_force
-        now = np.array([state.force[first[k]:first[k] + 3] @ tangents[k] / np.linalg.norm(tangents[k]) for k in self.riders])
+    def push(self, t: float, core: Any, state: Any) -> None:
+        """Add up the forces along the beam on masses that ride on moving elements, which are errors of mesh and step.
+        core, state: the model in its plane, or in space, and its state in a row of a run."""
+        tangents = core.moving.tangents_at_ends(state.q.reshape(core.n_nodes, -1, core.dim), state.s)[self._at]
+        force = state.force[:core.dim * core.n_sliders].reshape(-1, core.dim)[list(self.riders)]
         if self._along is not None:
-            self._impulse = self._impulse + 0.5 * (t - self._along[0]) * (self._along[1] + now)
+            # forces are means over the last step; beside ends of beams, where contacts are inside elements, tangents are NaN
+            before, mean = self._along[0], 0.5 * (self._along[1] + tangents)
+            along = np.nan_to_num(np.sum(force * mean, axis=1) / np.linalg.norm(mean, axis=1))
+            self._impulse = self._impulse + (t - before) * along
             self._most = np.maximum(self._most, np.abs(self._impulse))
-        self._along = t, now
+        self._along = t, tangents
 
     def events(self) -> list[dict[str, Any]]:
         """Return events of the worst."""
@@ -413,8 +413,8 @@ class Contacts:
             if error > WRONG_SPEED * speed and self.largest[k] - self.least[k] > LEAST_TRAVEL * self.sliders[k].beam.length:
                 found.append((error / (WRONG_SPEED * max(speed, 1e-300)), self.before[0], (
                     f"slider {self.sliders[k].name!r}: errors of its moving elements change the speed of {mass:.3g} kg along the "
-                    f"beam by up to {error:.2g} m/s of {speed:.2g} m/s, because it is so light next to them. Use smaller steps, "
-                    "or compile the scene without moving elements")))
+                    f"beam by up to {error:.2g} m/s of {speed:.2g} m/s, because it is so light. Use smaller steps, or "
+                    "compile the scene without moving elements")))
         return [*({"kind": "unresolved", "time": t, "text": text, "blow": size} for size, t, text in blows),
                 *self._in_order(found)]
 
