@@ -72,6 +72,7 @@ class Lanes(NamedTuple):
     shapes: Array     # float64 [E, nq, nn, 3]: phi_s, dir, dir_s
     reference: Array  # float64 [E, nq, 6]
     mass: Array       # float64 [E, nn, nn], m: of positions
+    turning: Array    # float64 [E, nn, nn], m: of directors
     stiffness: Array  # float64 [E, 6, 6]
 
 
@@ -96,7 +97,7 @@ def lanes_of(model: Model) -> list[Lanes]:
             live = tables.rows[where].reshape(len(meta), nn, 8)[:, 0].reshape(-1) != model.n_nodes
             out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
                               rows(0, REFERENCE, 6 * nq, tab=model.reference_strains).reshape(-1, nq, 6)[live],
-                              rows(at.masses, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live],
+                              *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses)),
                               moduli_of(tables._replace(meta=meta), 6)[live]))
     return out
 
@@ -111,7 +112,7 @@ def moving_lanes(table: MovingBeam, s: Array, along: Array) -> Lanes:
     values, slopes = table.shape[0] + 0.0 * of_length, table.shape[1] / of_length
     mass = np.einsum("g,gn,gm->nm", table.mass_point[1], table.mass_shape[0], table.mass_shape[0]) * of_length
     return Lanes("simo_reissner", table.node, h[:, None] * table.weight, np.stack((slopes, values, slopes), axis=3),
-                 rest_strains(table, h), mass, np.broadcast_to(table.stiffness, (h.size, 6, 6)))
+                 rest_strains(table, h), mass, mass, np.broadcast_to(table.stiffness, (h.size, 6, 6)))
 
 
 def moduli_of(tables: ElementTables, size: int) -> Array:
