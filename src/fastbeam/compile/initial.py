@@ -21,7 +21,7 @@ from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import support_rates
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements
-from fastbeam.scene import Beam, Path, PointMass, PrescribedMotion, RigidBody, Scene, Slider
+from fastbeam.scene import Beam, PointMass, PrescribedMotion, RigidBody, Scene
 
 Array = np.ndarray
 # m/s and rad/s: smaller mismatches of velocities count as zero
@@ -172,17 +172,6 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     return out
 
 
-def _stands_on(mass: PointMass, slider: Slider) -> bool:
-    """Return whether a mass has no position, or that of the beam of its slider, of which the discrete curve is a little off."""
-    if mass.position is None:
-        return True
-    beam = slider.beam
-    if not isinstance(beam, Beam) or isinstance(beam, Path):
-        return False
-    reference = np.asarray(beam.reference(np.array([slider.at]))[0])[0]
-    return bool(np.linalg.norm(np.asarray(mass.position) - reference) <= 1e-9 * beam.length)
-
-
 def place_points(scene: Scene, nodes: NodeList) -> None:
     """Move sliding points onto their discrete curves, before their positions are used: a mass without position all the way, one
     on the reference as far as that is off, other points by the round-off of typed positions. The first step would close a gap,
@@ -195,7 +184,9 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
             continue
         curve = line[1] @ nodes.phi[line[0]]
         gap = float(np.linalg.norm(nodes.phi[point] - curve))
-        if gap > 1e-9 * slider.beam.length and not (isinstance(mass, PointMass) and _stands_on(mass, slider)):
+        # `Scene.check` has found positions of masses on the reference
+        moves = isinstance(mass, PointMass) and (mass.position is None or isinstance(slider.beam, Beam))
+        if gap > 1e-9 * slider.beam.length and not moves:
             raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
                              f"{slider.beam.label} at={slider.at:.6g}. The interpolation of a curved beam is exact at its nodes "
                              "only. Start at a node, use more elements or a higher degree, or slide a PointMass without "

@@ -158,8 +158,7 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
 def _with_written_velocities(model: Model, state: State, step: float) -> tuple[State, list[Any]]:
     """Return a state on moving meshes with momenta of velocities that do not fit those in its history, because they were written
     into it, and an event of that."""
-    moving, v = model.moving, state.v.reshape(-1, 4, 3)
-    speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + model.length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
+    moving, speed = model.moving, _speed_of(model, state)
     allowance = AT_REST * model.length / step
     # as it is, or of a motion that goes back
     for one in (state, state._replace(history=moving.reversed(state.history))):
@@ -170,6 +169,12 @@ def _with_written_velocities(model: Model, state: State, step: float) -> tuple[S
     found = moving.written(model, state)
     return found, [("start", "velocities do not fit the momenta of beams with moving elements in State.history; they are taken "
                              "as velocities of the material that were written into the state, and momenta follow from them")]
+
+
+def _speed_of(model: Model, state: State) -> float:
+    """Return the largest velocity in a state, with that of turning in the size of the scene, m/s."""
+    v = state.v.reshape(-1, 4, 3)
+    return float(np.max(np.abs(v[:, 0]), initial=0.0)) + model.length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
 
 
 def _worst(found: list[Misfit]) -> Misfit | None:
@@ -184,7 +189,7 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
     q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
     length = model.length
     reach = length + float(np.max(np.abs(q[:, 0])))
-    speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
+    speed = _speed_of(model, state)
     noise = 1e-12 * reach / step
     # mending by an impact does not include added mass and moving meshes
     most = np.inf if model.added is None and model.moving is None else MENDABLE * speed

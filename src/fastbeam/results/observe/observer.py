@@ -88,7 +88,7 @@ class Observer:
         # energy of ropes of winches in the gravity of the scene
         self._weight = 0.0
         self._directions: list[Section] = []
-        # turn of sections by s where sleeves are on element ends, by numbers of sliders
+        # turn of sections by s at contacts on element ends, by numbers of sliders
         self._curvatures: dict[int, Array] = {}
         self._angles = np.zeros(0)
 
@@ -171,7 +171,6 @@ class Observer:
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
         if self.moments:
             self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
-            self._curvatures = {} if model.moving is None else model.moving.curvatures(state.q, state.s)
             if model.twisting.size:
                 self._angles = angles(model, state.history)
                 out["twist"] = np.zeros(model.n_sliders)
@@ -181,6 +180,8 @@ class Observer:
             slider_motion(model.curves, model.sliders, self._contact, state, tangent.reshape(-1), rate)
             if model.moving is not None:
                 tangent[model.moving.sliders] = model.moving.tangents(model, state.q, state.s)
+                if self.moments:
+                    self._curvatures = model.moving.curvatures(state.q, state.s)
             history = model.along_of(state.history).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
@@ -294,8 +295,8 @@ class Observer:
                 row["contact_moment"][k] += own[o, 2] * section.axes[0]
                 push[k] += own[o, 2] * push_of_twist(section, self._angles[o])
             # conditions at an element end do not depend on s, but what the moments do as sections pass does
-            push = np.array([-x @ row["contact_moment"][k] if (x := self._curvatures.get(k)) is not None else push[k]
-                             for k in range(s)])
+            for k, turn in self._curvatures.items():
+                push[k] = -turn @ row["contact_moment"][k]
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
